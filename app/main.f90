@@ -1,0 +1,3 @@
+program main
+   implicit none(type, external)
+end program main

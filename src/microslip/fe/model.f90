@@ -1,0 +1,85 @@
+!> The finite-element model as the program sees it: mesh, node sets, sparse matrices. SI units.
+module microslip_fe_model
+   use microslip_core_kinds, only: wp
+   use microslip_linalg_sparse, only: symmetric_sparse_t
+   implicit none(type, external)
+   private
+
+   public :: fe_model_t, element_block_t, node_set_t
+
+   !> All elements of one type.
+   type :: element_block_t
+      !> 'C3D8', 'C3D8I', 'C3D20' or 'C3D20R'
+      character(len=:), allocatable :: type
+      !> (nodes per element, elements) indices into the node list, Abaqus/CalculiX node order
+      integer, allocatable :: connectivity(:, :)
+   end type element_block_t
+
+   !> Nodes with a name.
+   type :: node_set_t
+      character(len=:), allocatable :: name
+      !> Indices into the node list, ascending
+      integer, allocatable :: nodes(:)
+   end type node_set_t
+
+   !> Mesh and matrices. Supported degrees of freedom have no row in the matrices.
+   type :: fe_model_t
+      !> (3, nodes) m
+      real(wp), allocatable :: coordinates(:, :)
+      !> (nodes) the numbers the nodes have in the FE program, ascending
+      integer, allocatable :: node_label(:)
+      type(element_block_t), allocatable :: elements(:)
+      type(node_set_t), allocatable :: node_sets(:)
+      !> (rows) node index and component (1, 2, 3 = x, y, z) of every matrix row
+      integer, allocatable :: row_node(:), row_component(:)
+      !> N/m
+      type(symmetric_sparse_t) :: stiffness
+      !> kg
+      type(symmetric_sparse_t) :: mass
+   contains
+      procedure :: node_count
+      procedure :: row_count
+      procedure :: rows_of_nodes
+      procedure :: find_node_set
+   end type fe_model_t
+
+contains
+
+   !> Number of nodes of the mesh.
+   pure integer function node_count(self)
+      class(fe_model_t), intent(in) :: self
+      node_count = size(self%node_label)
+   end function node_count
+
+   !> Number of rows of the matrices (unsupported degrees of freedom).
+   pure integer function row_count(self)
+      class(fe_model_t), intent(in) :: self
+      row_count = size(self%row_node)
+   end function row_count
+
+   !> (3, nodes) matrix row of every component of every node, 0 where it is supported.
+   pure function rows_of_nodes(self) result(rows)
+      class(fe_model_t), intent(in) :: self
+      integer, allocatable :: rows(:, :)
+      integer :: k
+
+      allocate (rows(3, self%node_count()), source=0)
+      do k = 1, self%row_count()
+         rows(self%row_component(k), self%row_node(k)) = k
+      end do
+   end function rows_of_nodes
+
+   !> Index of the node set with this name (case does not matter), 0 if there is none.
+   pure integer function find_node_set(self, name)
+      use microslip_core_text, only: lower_case
+      class(fe_model_t), intent(in) :: self
+      character(len=*), intent(in) :: name
+      integer :: k
+
+      find_node_set = 0
+      do k = 1, size(self%node_sets)
+         if (lower_case(self%node_sets(k)%name) == lower_case(name)) find_node_set = k
+      end do
+   end function find_node_set
+
+end module microslip_fe_model
