@@ -1,0 +1,263 @@
+!> The records of a case: everything a case file says, checked, in SI units unless a unit key says otherwise.
+!>
+!> One type per namelist group, one component per key, with the defaults of doc/namelists.md. Every record can be built
+!> without a file. An unset optional key is a component that is not allocated, or a blank name.
+module microslip_io_case
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: lower_case
+   implicit none(type, external)
+   private
+
+   public :: case_t, model_case_t, interface_case_t, topography_case_t, reduction_case_t, damping_case_t
+   public :: contact_case_t, load_case_t, preload_case_t, linear_modes_case_t, transient_case_t
+   public :: excitation_case_t, output_case_t, name_length, path_length
+
+   !> Longest name (of node sets, loads, options) and longest file path or title.
+   integer, parameter :: name_length = 64, path_length = 1024
+
+   !> `&model`: where the FE model comes from.
+   type :: model_case_t
+      !> 'hdf5' or 'calculix'
+      character(len=name_length) :: source = ''
+      !> Model file; for CalculiX the base name of .sti, .mas and .dof. See `case_t%located`
+      character(len=path_length) :: file = ''
+      !> CalculiX: the mesh (.inp or .msh)
+      character(len=path_length) :: mesh_file = ''
+      !> CalculiX: units of its files, 'm', 'mm', 'um'; 'kg', 't', 'g'; 's', 'ms'
+      character(len=name_length) :: unit_length = 'm', unit_mass = 'kg', unit_time = 's'
+   end type model_case_t
+
+   !> `&interface`: one contact interface.
+   type :: interface_case_t
+      character(len=name_length) :: name = ''
+      !> Node sets of the two sides; side_b = 'ground': rigid or elastic ground. Blank: found by the plane
+      character(len=name_length) :: side_a = '', side_b = ''
+      !> (3) m; (3) from side B towards side A; (6) xmin, xmax, ymin, ymax, zmin, zmax, m
+      real(wp), allocatable :: plane_point(:), plane_normal(:), region(:)
+      !> (3) direction of t1, projected on the interface
+      real(wp), allocatable :: axis_1(:)
+      real(wp) :: friction = 0.0_wp
+      !> (2) Pa and 1, of bodies A and B; one value only: B is rigid ground
+      real(wp), allocatable :: young_modulus(:), poisson_ratio(:)
+      !> Cells of the boundary-element grid along t1 and t2
+      integer :: nx = 0, ny = 0
+      !> (4) x_min, x_max, y_min, y_max in local coordinates, m; not allocated: bounding box of the nodes
+      real(wp), allocatable :: extent(:)
+      !> (3, holes) x, y, radius in local coordinates, m
+      real(wp), allocatable :: holes(:, :)
+      !> Name of a topography; blank: flat
+      character(len=name_length) :: topography = ''
+      !> 'auto' or 'all': which points may come into contact
+      character(len=name_length) :: potential = 'auto'
+      !> m, 'auto': points whose initial gap exceeds the closed ones' by less than this take part
+      real(wp), allocatable :: potential_margin
+   end type interface_case_t
+
+   !> `&topography`: form deviation of an interface.
+   type :: topography_case_t
+      character(len=name_length) :: name = ''
+      !> 'flat', 'hill' or 'file'
+      character(len=name_length) :: source = ''
+      !> hill: m, peak to peak
+      real(wp) :: height = 0.0_wp
+      !> hill: (2) m, local coordinates; m
+      real(wp), allocatable :: center(:), width
+      !> file: HDF5 file and its datasets
+      character(len=path_length) :: file = ''
+      character(len=name_length) :: x_name = 'x', y_name = 'y', z_name = 'z'
+      !> file: 'm', 'mm', 'um'; blank: as the file says
+      character(len=name_length) :: unit_length = ''
+      !> file: 'height' (of side B's surface towards A) or 'gap' (between both)
+      character(len=name_length) :: sense = ''
+      !> 'none', 'mean' or 'plane'
+      character(len=name_length) :: level = 'none'
+      !> m; not allocated: no filter
+      real(wp), allocatable :: filter_wavelength
+      !> m, shift in the interface plane
+      real(wp) :: offset(2) = 0.0_wp
+      !> degrees
+      real(wp) :: rotation = 0.0_wp
+      real(wp) :: scale = 1.0_wp
+   end type topography_case_t
+
+   !> `&reduction`: component mode synthesis. Either `n_modes` or `cutoff_frequency` is allocated.
+   type :: reduction_case_t
+      !> 'craig_bampton_massless' or 'macneal'
+      character(len=name_length) :: method = 'craig_bampton_massless'
+      integer, allocatable :: n_modes
+      !> Hz
+      real(wp), allocatable :: cutoff_frequency
+      !> File that keeps the reduced model; blank: none
+      character(len=path_length) :: cache = ''
+   end type reduction_case_t
+
+   !> `&damping`: at most one of modal_ratio, mass_proportional and ratio is allocated; none: undamped.
+   type :: damping_case_t
+      !> (1) for all modes, or one per mode
+      real(wp), allocatable :: modal_ratio(:)
+      !> 1/s, beta of D_ii = beta I
+      real(wp), allocatable :: mass_proportional
+      !> beta = 2 ratio omega, omega of the tied mode `reference_mode`
+      real(wp), allocatable :: ratio
+      integer :: reference_mode = 1
+   end type damping_case_t
+
+   !> `&contact`: solver of the contact problem.
+   type :: contact_case_t
+      !> 'condensed', 'jacobi' or 'jacobi_eliminated'
+      character(len=name_length) :: solver = 'condensed'
+      real(wp) :: tolerance = 1.0e-10_wp
+      integer :: max_iterations = 100000
+      !> 'gap' or 'velocity'
+      character(len=name_length) :: normal_law = 'gap'
+   end type contact_case_t
+
+   !> `&load`: a load pattern with a name.
+   type :: load_case_t
+      character(len=name_length) :: name = ''
+      !> 'nodes' or 'modal'
+      character(len=name_length) :: kind = 'nodes'
+      !> nodes: (parts)
+      character(len=name_length), allocatable :: node_set(:)
+      !> nodes: (3, parts) as given, any length but 0
+      real(wp), allocatable :: direction(:, :)
+      !> nodes: (parts) N
+      real(wp), allocatable :: size(:)
+      !> nodes: (parts) 'uniform' (same force on every node) or 'area'
+      character(len=name_length), allocatable :: distribution(:)
+      !> modal: f = M phi of this linear mode about the preload
+      integer :: mode = 0
+   end type load_case_t
+
+   !> `&preload`: either `interface_force` or `load_scale` is allocated.
+   type :: preload_case_t
+      !> (loads) names
+      character(len=name_length), allocatable :: loads(:)
+      !> (interfaces) N, normal force each interface is to carry; as many loads are scaled
+      real(wp), allocatable :: interface_force(:)
+      !> (loads) given multipliers
+      real(wp), allocatable :: load_scale(:)
+      integer :: steps = 1
+   end type preload_case_t
+
+   !> `&linear_modes`: modes about the preload.
+   type :: linear_modes_case_t
+      integer :: n_modes = 10
+   end type linear_modes_case_t
+
+   !> `&transient`: time integration.
+   type :: transient_case_t
+      !> s
+      real(wp) :: duration = 0.0_wp
+      !> s; not allocated: safety/omega_max
+      real(wp), allocatable :: time_step
+      !> omega_max dt
+      real(wp) :: safety = 0.74_wp
+   end type transient_case_t
+
+   !> `&excitation`: a load pattern times a function of time.
+   type :: excitation_case_t
+      !> Name of a load
+      character(len=name_length) :: load = ''
+      !> 'half_sine' or 'harmonic'
+      character(len=name_length) :: kind = ''
+      !> Factor on the load pattern
+      real(wp) :: amplitude = 0.0_wp
+      !> s
+      real(wp) :: start = 0.0_wp
+      !> half_sine: s
+      real(wp) :: duration = 0.0_wp
+      !> harmonic: Hz and degrees
+      real(wp) :: frequency = 0.0_wp, phase = 0.0_wp
+   end type excitation_case_t
+
+   !> `&output`: what is stored, where and how often.
+   type :: output_case_t
+      !> Result file; blank: the case's name with .h5 in the current folder
+      character(len=path_length) :: file = ''
+      !> (sensors) node sets, whose mean displacement is stored
+      character(len=name_length), allocatable :: sensors(:)
+      !> (3, sensors) as given, any length but 0
+      real(wp), allocatable :: sensor_direction(:, :)
+      !> Every `stride`-th step is stored
+      integer :: stride = 1
+      !> s
+      real(wp), allocatable :: snapshots(:)
+   end type output_case_t
+
+   !> A whole case.
+   type :: case_t
+      !> Case file as the user gave it, and its text
+      character(len=:), allocatable :: path, text
+      !> `&case`
+      character(len=path_length) :: title = ''
+      !> In order
+      character(len=name_length), allocatable :: analyses(:)
+      type(model_case_t) :: model
+      type(interface_case_t), allocatable :: interfaces(:)
+      type(topography_case_t), allocatable :: topographies(:)
+      type(reduction_case_t) :: reduction
+      type(damping_case_t) :: damping
+      type(contact_case_t) :: contact
+      type(load_case_t), allocatable :: loads(:)
+      type(preload_case_t) :: preload
+      type(linear_modes_case_t) :: linear_modes
+      type(transient_case_t) :: transient
+      type(excitation_case_t), allocatable :: excitations(:)
+      type(output_case_t) :: output
+   contains
+      procedure :: runs
+      procedure :: located
+      procedure :: find_load
+      procedure :: find_topography
+   end type case_t
+
+contains
+
+   !> Whether an analysis is to be run.
+   pure logical function runs(self, analysis)
+      class(case_t), intent(in) :: self
+      !> 'preload', 'linear_modes' or 'transient'
+      character(len=*), intent(in) :: analysis
+      runs = .false.
+      if (allocated(self%analyses)) runs = any(self%analyses == analysis)
+   end function runs
+
+   !> A file of the case as seen from the current folder: relative paths start at the case file's folder.
+   pure function located(self, file) result(path)
+      class(case_t), intent(in) :: self
+      !> Path as it stands in the case
+      character(len=*), intent(in) :: file
+      character(len=:), allocatable :: path
+
+      path = trim(file)
+      if (index(path, '/') /= 1) path = self%path(:index(self%path, '/', back=.true.))//path
+   end function located
+
+   !> Index of the load with this name (case does not matter), 0 if there is none.
+   pure integer function find_load(self, name)
+      class(case_t), intent(in) :: self
+      !> Name of a `&load`
+      character(len=*), intent(in) :: name
+      integer :: k
+
+      find_load = 0
+      do k = 1, size(self%loads)
+         if (name /= '' .and. lower_case(self%loads(k)%name) == lower_case(name)) find_load = k
+      end do
+   end function find_load
+
+   !> Index of the topography with this name (case does not matter), 0 if there is none: flat.
+   pure integer function find_topography(self, name)
+      class(case_t), intent(in) :: self
+      !> Name of a `&topography`
+      character(len=*), intent(in) :: name
+      integer :: k
+
+      find_topography = 0
+      do k = 1, size(self%topographies)
+         if (name /= '' .and. lower_case(self%topographies(k)%name) == lower_case(name)) find_topography = k
+      end do
+   end function find_topography
+
+end module microslip_io_case

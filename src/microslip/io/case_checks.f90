@@ -1,0 +1,248 @@
+!> What the groups of a case say about each other: names that must exist, counts that must agree, groups and
+!> keys that the chosen analyses would ignore.
+module microslip_io_case_checks
+   use microslip_core_kinds, only: wp
+   use microslip_core_nearest_name, only: nearest_name, quoted_list
+   use microslip_core_text, only: to_text, lower_case
+   use microslip_io_case, only: case_t, name_length
+   use microslip_io_group_keys, only: group_keys_t
+   implicit none(type, external)
+   private
+
+   public :: check_case
+
+contains
+
+   !> Check everything that involves more than one group; values with a fault are left out.
+   subroutine check_case(groups, input)
+      !> All groups of the file, already read; faults are noted with the group they belong to
+      type(group_keys_t), intent(inout) :: groups(:)
+      !> The case; an interface's topography is filled in where there is only one
+      type(case_t), intent(inout) :: input
+      character(len=name_length) :: interfaces(size(input%interfaces)), topographies(size(input%topographies)), &
+         loads(size(input%loads))
+      integer :: k
+
+      interfaces = input%interfaces%name
+      topographies = input%topographies%name
+      loads = input%loads%name
+      call check_names(groups, 'interface', interfaces)
+      call check_names(groups, 'topography', topographies)
+      call check_names(groups, 'load', loads)
+      do k = 1, size(groups)
+         if (groups(k)%name == 'interface') call check_topography_name(groups(k), input, topographies)
+      end do
+      do k = 1, size(groups)
+         select case (groups(k)%name)
+         case ('topography')
+            call check_topography_use(groups(k), input)
+         case ('load')
+            call check_load_use(groups(k), input)
+         case ('damping')
+            call check_damping(groups(k), input)
+         case ('preload')
+            call check_preload(groups(k), input, loads)
+         case ('excitation')
+            call check_excitation(groups(k), input, loads)
+         case ('output')
+            call check_output(groups(k), input)
+         end select
+         if (allocated(input%analyses)) call check_use(groups(k), input)
+      end do
+   end subroutine check_case
+
+   !> Names of the groups of one kind differ.
+   subroutine check_names(groups, kind, names)
+      type(group_keys_t), intent(inout) :: groups(:)
+      character(len=*), intent(in) :: kind, names(:)
+      integer :: k, other
+
+      do k = 1, size(groups)
+         if (groups(k)%name /= kind) cycle
+         other = position_of(names(groups(k)%number), names(:groups(k)%number - 1))
+         if (other > 0) call groups(k)%fault('name', &
+            'a name of its own, &'//kind//' '//to_text(other)//' has this one')
+      end do
+   end subroutine check_names
+
+   !> Position of a name in a list (case does not matter), 0 if it is not there.
+   pure integer function position_of(name, names)
+      character(len=*), intent(in) :: name, names(:)
+      integer :: k
+
+      position_of = 0
+      do k = size(names), 1, -1
+         if (lower_case(names(k)) == lower_case(name)) position_of = k
+      end do
+   end function position_of
+
+   !> A group or key that no chosen analysis uses is refused.
+   subroutine check_use(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+
+      select case (group%name)
+      case ('preload', 'linear_modes', 'transient')
+         if (.not. input%runs(group%name)) call group%fault('', "only with '"//group%name// &
+            "' in the analyses of &case, the group would be ignored here")
+      case ('excitation')
+         if (.not. input%runs('transient')) call group%fault('', &
+            "only with 'transient' in the analyses of &case, the group would be ignored here")
+      case ('output')
+         if (.not. input%runs('transient')) call group%ignored( &
+            [character(len=16) :: 'sensors', 'sensor_direction', 'stride', 'snapshots'], &
+            "with 'transient' in the analyses of &case")
+      end select
+   end subroutine check_use
+
+   !> The topography of an interface exists; the only one is the default.
+   subroutine check_topography_name(group, input, topographies)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(inout) :: input
+      character(len=*), intent(in) :: topographies(:)
+
+      associate (name => input%interfaces(group%number)%topography)
+         if (.not. group%sound('topography')) return
+         if (name == '' .and. size(input%topographies) == 1) then
+            name = input%topographies(1)%name
+         else if (name == '' .and. size(input%topographies) > 1) then
+            call group%fault('topography', 'one of the topographies '//quoted_list(topographies))
+         else if (name /= '' .and. input%find_topography(name) == 0) then
+            call group%fault('topography', known_names('topography', name, topographies))
+         end if
+      end associate
+   end subroutine check_topography_name
+
+   !> A topography that no interface uses is refused (unless a name elsewhere is wrong).
+   subroutine check_topography_use(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      integer :: k
+
+      do k = 1, size(input%interfaces)
+         if (any(input%find_topography(input%interfaces(k)%topography) == [0, group%number])) return
+      end do
+      call group%fault('', 'a &topography that an &interface uses, this one would be ignored')
+   end subroutine check_topography_use
+
+   !> A load that neither the preload nor an excitation uses is refused (unless a name elsewhere is wrong).
+   subroutine check_load_use(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      integer :: k
+
+      if (.not. allocated(input%preload%loads)) return
+      do k = 1, size(input%preload%loads)
+         if (any(input%find_load(input%preload%loads(k)) == [0, group%number])) return
+      end do
+      do k = 1, size(input%excitations)
+         if (any(input%find_load(input%excitations(k)%load) == [0, group%number])) return
+      end do
+      call group%fault('', 'a &load that &preload or an &excitation uses, this one would be ignored')
+   end subroutine check_load_use
+
+   !> Modal damping fits the number of modes, the reference mode is among them.
+   subroutine check_damping(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+
+      if (.not. allocated(input%reduction%n_modes)) return
+      if (allocated(input%damping%modal_ratio)) then
+         if (all(size(input%damping%modal_ratio) /= [1, input%reduction%n_modes])) call group%fault('modal_ratio', &
+            'one number, or one for each of the '//to_text(input%reduction%n_modes)//' modes of &reduction')
+      end if
+      if (allocated(input%damping%ratio) .and. input%damping%reference_mode > input%reduction%n_modes) &
+         call group%fault('reference_mode', 'one of the '//to_text(input%reduction%n_modes)//' modes of &reduction')
+   end subroutine check_damping
+
+   !> The loads of the preload exist; one per interface when interface forces are prescribed.
+   subroutine check_preload(group, input, loads)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: loads(:)
+      integer :: k, interfaces
+
+      interfaces = size(input%interfaces)
+      if (allocated(input%preload%interface_force)) then
+         if (size(input%preload%interface_force) /= interfaces .and. interfaces > 0) call group%fault('interface_force', &
+            'one number per interface, '//to_text(interfaces))
+      end if
+      if (.not. allocated(input%preload%loads)) return
+      do k = 1, size(input%preload%loads)
+         associate (load => input%find_load(input%preload%loads(k)))
+            if (load == 0) then
+               call group%fault('loads', known_names('load', input%preload%loads(k), loads))
+            else if (input%loads(load)%kind == 'modal') then
+               call group%fault('loads', "loads of kind 'nodes', modes are known only after the preload")
+            end if
+         end associate
+         if (position_of(input%preload%loads(k), input%preload%loads(:k - 1)) > 0) &
+            call group%fault('loads', 'every load once')
+      end do
+      if (allocated(input%preload%interface_force) .and. size(input%preload%loads) /= interfaces .and. interfaces > 0) &
+         call group%fault('loads', 'one load per interface, '//to_text(interfaces)//', with interface_force')
+   end subroutine check_preload
+
+   !> The load of an excitation exists, and so does the mode of a modal load; the excitation begins in time.
+   subroutine check_excitation(group, input, loads)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: loads(:)
+      integer :: load
+
+      associate (excitation => input%excitations(group%number))
+         load = input%find_load(excitation%load)
+         if (group%sound('load') .and. load == 0) then
+            call group%fault('load', known_names('load', excitation%load, loads))
+         else if (load > 0 .and. allocated(input%analyses)) then
+            if (input%loads(load)%kind == 'modal') call check_modal_load(group, input, input%loads(load)%mode)
+         end if
+         if (input%transient%duration > 0.0_wp .and. excitation%start >= input%transient%duration &
+             .and. group%sound('start')) &
+            call group%fault('start', 'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
+      end associate
+   end subroutine check_excitation
+
+   !> A modal load needs its linear mode before the time integration.
+   subroutine check_modal_load(group, input, mode)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      integer, intent(in) :: mode
+      integer :: modes_at, transient_at
+
+      modes_at = findloc(input%analyses, 'linear_modes', 1)
+      transient_at = findloc(input%analyses, 'transient', 1)
+      if (transient_at == 0) return
+      if (modes_at == 0 .or. modes_at > transient_at) then
+         call group%fault('load', "a modal load only with 'linear_modes' before 'transient' in the analyses of &case")
+      else if (mode > input%linear_modes%n_modes) then
+         call group%fault('load', 'a mode (here '//to_text(mode)//') out of the '//to_text(input%linear_modes%n_modes)// &
+            ' of &linear_modes')
+      end if
+   end subroutine check_modal_load
+
+   !> Snapshots lie within the time integration.
+   subroutine check_output(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+
+      if (.not. allocated(input%output%snapshots) .or. input%transient%duration <= 0.0_wp) return
+      if (any(input%output%snapshots > input%transient%duration)) call group%fault('snapshots', &
+         'times within the &transient, <= '//to_text(input%transient%duration)//' s')
+   end subroutine check_output
+
+   !> The names that exist, for a name that does not.
+   pure function known_names(kind, name, names) result(text)
+      character(len=*), intent(in) :: kind, name, names(:)
+      character(len=:), allocatable :: text
+
+      if (size(names) == 0) then
+         text = 'the name of a &'//kind//', but there is none'
+      else if (nearest_name(name, names) /= '') then
+         text = 'the name of a &'//kind//", did you mean '"//nearest_name(name, names)//"'?"
+      else
+         text = 'the name of a &'//kind//': '//quoted_list(names)
+      end if
+   end function known_names
+
+end module microslip_io_case_checks
