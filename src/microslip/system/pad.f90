@@ -57,7 +57,7 @@ contains
       pad%friction = friction
       call build_coupling(contact, grid%position, pad%coupling, overhang, error)
       if (allocated(error)) return
-      pad%compliance = new_compliance(material, grid)
+      call new_compliance(pad%compliance, material, grid)
       call new_convolution(pad%convolution, pad%compliance)
       pad%potential = [(k, k=1, grid%point_count())]
    end subroutine new_pad
