@@ -31,6 +31,8 @@ module microslip_contact_condensed
    type, extends(contact_solver_t) :: condensed_solver_t
       !> Solve the block by the paper's projected Jacobi instead of Newton
       logical :: by_jacobi = .false.
+      !> (points) points expected to close in the first step: they are in the base set from the start
+      logical, allocatable :: expected_closed(:)
       type(base_set_t), private :: base
       !> (3 inside) N, (outside) m: current values
       real(wp), allocatable, private :: force(:), gap_outside(:)
@@ -50,14 +52,18 @@ contains
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
       type(error_t), allocatable, intent(out) :: error
-      integer, allocatable :: closed(:)
+      logical :: in_base(problem%n_points)
       integer :: p
 
-      closed = pack([(p, p=1, problem%n_points)], state%status /= state_open)
-      call self%base%build(problem, closed, error)
-      if (allocated(error)) return
+      in_base = state%status /= state_open
       if (allocated(self%last_increment)) deallocate (self%last_increment)
       allocate (self%last_increment(3, problem%n_points), source=0.0_wp)
+      if (allocated(self%expected_closed)) then
+         where (self%expected_closed .and. .not. in_base) self%last_increment(1, :) = -state%gap(1, :)
+         in_base = in_base .or. self%expected_closed
+      end if
+      call self%base%build(problem, pack([(p, p=1, problem%n_points)], in_base), error)
+      if (allocated(error)) return
       call refresh(self, problem, state)
    end subroutine start
 
@@ -370,7 +376,7 @@ contains
       end do
    end function gap_of_point
 
-   !> Put open points of the base set outside when there are too many of them.
+   !> Put open points of the base set outside when there are too many of them, unless they are expected back.
    subroutine shed_open_points(self, problem, state, record)
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
@@ -379,6 +385,10 @@ contains
       type(error_t), allocatable :: error
       integer, allocatable :: open(:)
 
+      if (allocated(self%expected_closed)) then
+         deallocate (self%expected_closed)
+         return
+      end if
       open = pack(self%base%inside, state%status(self%base%inside) == state_open)
       if (size(open) <= open_carried .or. size(open) == size(self%base%inside)) return
       call self%base%leave(problem, open, error)

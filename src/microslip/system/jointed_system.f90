@@ -34,6 +34,8 @@ module microslip_system_jointed_system
       real(wp), allocatable :: load_modal(:, :), load_load(:, :)
       !> (modes, sensors), (3 points, sensors), (loads, sensors): u = modal^T d_i + contact^T lambda + load^T a
       real(wp), allocatable :: sensor_modal(:, :), sensor_contact(:, :), sensor_load(:, :)
+      !> (points) index that each point had before the potential contact set was last changed, 0: it is new
+      integer, allocatable :: previous_index(:)
       !> F, (boundary, boundary), and K_bi, (boundary, modes)
       real(wp), allocatable, private :: flexibility(:, :), K_bi(:, :)
       !> (boundary, loads) and (boundary, sensors)
@@ -41,6 +43,8 @@ module microslip_system_jointed_system
    contains
       procedure :: highest_angular_frequency
       procedure :: restrict
+      procedure :: widen_where_closed
+      procedure :: grid_point_count
       procedure :: modal_force
       procedure :: sensor_values
       procedure :: boundary_displacement
@@ -51,7 +55,7 @@ module microslip_system_jointed_system
 
 contains
 
-   !> Eliminate the boundary of a reduced model and couple it to the pads on their points in potential contact.
+   !> Eliminate the boundary of a reduced model. `restrict` must be called next: it couples the pads.
    subroutine new_system(reduced, pads, n_loads, damping, system, error)
       !> Reduced model; its patterns are the loads, then the sensors
       type(reduced_model_t), intent(in) :: reduced
@@ -94,7 +98,6 @@ contains
       system%sensor_modal = reduced%pattern_i(:, n_loads + 1:) - matmul(transpose(work), system%sensor_boundary)
       system%load_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%load_boundary))
       system%sensor_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%sensor_boundary))
-      call system%restrict([integer ::], error)
    end subroutine new_system
 
    !> Highest angular frequency of the component modes, rad/s: it limits the time step.
@@ -103,32 +106,39 @@ contains
       highest_angular_frequency = 2.0_wp*pi*maxval(self%frequency)
    end function highest_angular_frequency
 
-   !> Build G, R and -h on the points in potential contact. Those are the pads' `potential`; with `points`
-   !> (one integer per grid point over all pads, nonzero: take part) they are chosen first.
-   subroutine restrict(self, points, error)
+   !> Number of grid points of all pads, whether in potential contact or not.
+   pure integer function grid_point_count(self)
+      class(jointed_system_t), intent(in) :: self
+      integer :: k
+      grid_point_count = sum([(self%pads(k)%grid%point_count(), k=1, size(self%pads))])
+   end function grid_point_count
+
+   !> Choose the points in potential contact and build G, R and -h on them.
+   subroutine restrict(self, potential, error)
       class(jointed_system_t), intent(inout) :: self
-      !> (all grid points) nonzero for points in potential contact; or empty: as the pads have it
-      integer, intent(in) :: points(:)
+      !> (grid points of all pads)
+      logical, intent(in) :: potential(:)
       type(error_t), allocatable, intent(out) :: error
+      integer :: was(size(potential))
       integer :: k, p, first, n, rows
 
-      if (size(points) > 0) then
-         first = 0
-         do k = 1, size(self%pads)
-            n = self%pads(k)%grid%point_count()
-            self%pads(k)%potential = pack([(p, p=1, n)], points(first + 1:first + n) /= 0)
-            first = first + n
-         end do
-      end if
-      n = 0
-      do k = 1, size(self%pads)
-         self%pads(k)%point_offset = n
-         n = n + size(self%pads(k)%potential)
-      end do
-      if (n == 0) then
+      if (.not. any(potential)) then
          call failure(error, 'no point is in potential contact')
          return
       end if
+      was = 0
+      first = 0
+      n = 0
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            if (allocated(self%previous_index)) was(first + pad%potential) = [(pad%point_offset + p, p=1, size(pad%potential))]
+            pad%point_offset = n
+            pad%potential = pack([(p, p=1, pad%grid%point_count())], potential(first + 1:first + pad%grid%point_count()))
+            first = first + pad%grid%point_count()
+            n = n + size(pad%potential)
+         end associate
+      end do
+      self%previous_index = pack(was, potential)
       self%problem%n_points = n
       if (allocated(self%problem%G)) deallocate (self%problem%G, self%problem%R, self%problem%r_0, self%problem%friction)
       if (allocated(self%sensor_contact)) deallocate (self%sensor_contact)
@@ -300,6 +310,40 @@ contains
          end associate
       end do
    end function gaps_everywhere
+
+   !> Check the points left out of the potential contact set; where one penetrates, it joins, and with it all
+   !> whose gap is less than a twentieth of the largest initial gap.
+   subroutine widen_where_closed(self, modal, force, amplitude, added, error)
+      class(jointed_system_t), intent(inout) :: self
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      !> Number of points that joined
+      integer, intent(out) :: added
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: gap(:, :)
+      logical, allocatable :: potential(:)
+      integer :: k, first
+      real(wp) :: deepest
+
+      added = 0
+      if (self%problem%n_points == self%grid_point_count()) return
+      gap = self%gaps_everywhere(modal, force, amplitude)
+      allocate (potential(size(gap, 2)), source=.false.)
+      first = 0
+      deepest = 0.0_wp
+      do k = 1, size(self%pads)
+         potential(first + self%pads(k)%potential) = .true.
+         first = first + size(self%pads(k)%height)
+         deepest = min(deepest, minval(self%pads(k)%height))
+      end do
+      if (.not. any(gap(1, :) < 0.0_wp .and. .not. potential)) return
+      potential = potential .or. gap(1, :) < -0.05_wp*deepest
+      added = count(potential) - self%problem%n_points
+      call self%restrict(potential, error)
+   end subroutine widen_where_closed
 
    !> Normal force of every pad, (pads), N.
    pure function interface_forces(self, force) result(total)
