@@ -10,7 +10,7 @@ module microslip_system_jointed_system
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, pi
-   use microslip_fe_reduction, only: reduced_model_t
+   use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
    use microslip_linalg_dense, only: inverse_spd, product_of, product_symmetric
    use microslip_system_pad, only: pad_t
@@ -156,7 +156,8 @@ contains
       end do
       call fill_compliance(self)
       call fill_columns(self, -1.0_wp, self%K_bi, self%problem%R(:, :self%n_modes))
-      call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:self%n_modes + size(self%load_boundary, 2)))
+      n = self%n_modes + size(self%load_boundary, 2)
+      call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:n))
       call fill_columns(self, 1.0_wp, self%sensor_boundary, self%sensor_contact)
    end subroutine restrict
 
