@@ -1,0 +1,82 @@
+!> Linear modes about the preload: all closed points stick (METHOD section 7).
+!>
+!>     (Khat + R_c^T G_cc^-1 R_c) phi = omega^2 phi,   phi^T phi = 1   (modal mass is the identity)
+!> over the n_i modal coordinates; c: closed points, all three components.
+module microslip_analysis_linear_modes
+   use microslip_contact_laws, only: state_open
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp, pi
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric
+   use microslip_system_jointed_system, only: jointed_system_t
+   implicit none(type, external)
+   private
+
+   public :: linear_modes_t, solve_linear_modes, stuck_stiffness
+
+   type :: linear_modes_t
+      !> (modes) Hz, ascending
+      real(wp), allocatable :: frequency(:)
+      !> (modal coordinates, modes) mass-normalised; the largest component is positive
+      real(wp), allocatable :: shape(:, :)
+      !> Largest |K phi - omega^2 phi| over omega^2
+      real(wp) :: residual = 0.0_wp
+   end type linear_modes_t
+
+contains
+
+   !> Stiffness of the modal coordinates with all closed points stuck, (modes, modes), 1/s^2.
+   subroutine stuck_stiffness(system, status, stiffness, error)
+      type(jointed_system_t), intent(in) :: system
+      !> (points) contact states
+      integer, intent(in) :: status(:)
+      real(wp), allocatable, intent(out) :: stiffness(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: factor(:, :), x(:, :)
+      integer, allocatable :: rows(:)
+      integer :: p, c
+
+      rows = [((3*p - 3 + c, c=1, 3), p=1, size(status))]
+      rows = pack(rows, status([((p, c=1, 3), p=1, size(status))]) /= state_open)
+      stiffness = system%stiffness
+      if (size(rows) == 0) return
+      factor = system%problem%G(rows, rows)
+      call cholesky_factor(factor, error)
+      if (allocated(error)) then
+         error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
+         return
+      end if
+      x = system%problem%R(rows, :system%n_modes)
+      call cholesky_solve(factor, x)
+      stiffness = stiffness + matmul(transpose(system%problem%R(rows, :system%n_modes)), x)
+      stiffness = 0.5_wp*(stiffness + transpose(stiffness))
+   end subroutine stuck_stiffness
+
+   !> The lowest linear modes with all closed points stuck.
+   subroutine solve_linear_modes(system, status, n_modes, modes, error)
+      type(jointed_system_t), intent(in) :: system
+      !> (points) contact states
+      integer, intent(in) :: status(:)
+      !> How many; no more than there are modal coordinates are given
+      integer, intent(in) :: n_modes
+      type(linear_modes_t), intent(out) :: modes
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: stiffness(:, :), vectors(:, :), lambda(:)
+      integer :: k, n
+
+      call stuck_stiffness(system, status, stiffness, error)
+      if (allocated(error)) return
+      vectors = stiffness
+      allocate (lambda(size(stiffness, 1)))
+      call eigen_symmetric(vectors, lambda, error)
+      if (allocated(error)) return
+      n = min(n_modes, size(lambda))
+      modes%frequency = sqrt(max(0.0_wp, lambda(:n)))/(2.0_wp*pi)
+      modes%shape = vectors(:, :n)
+      do k = 1, n
+         if (modes%shape(maxloc(abs(modes%shape(:, k)), dim=1), k) < 0.0_wp) modes%shape(:, k) = -modes%shape(:, k)
+         modes%residual = max(modes%residual, norm2(matmul(stiffness, modes%shape(:, k)) &
+            & - lambda(k)*modes%shape(:, k))/maxval(abs(lambda)))
+      end do
+   end subroutine solve_linear_modes
+
+end module microslip_analysis_linear_modes

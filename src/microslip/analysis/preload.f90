@@ -1,0 +1,337 @@
+!> Preload: static equilibrium under loads that are scaled until every interface carries its normal force.
+!>
+!> Statics of the reduced model with d_i eliminated (METHOD section 4):
+!>     d_i = Khat^-1 (load_modal a + R^T lambda),   gap = -h + R_a a + G_static lambda,
+!>     G_static = G + R Khat^-1 R^T,   R_a = W^T F f_b + R Khat^-1 load_modal
+!> Friction has a memory: the loads are applied in the given number of steps, each one an equilibrium. The
+!> load amplitudes are found by Broyden's method on the interface forces, started from the frictionless
+!> contact. Normal contact in statics is on gap level.
+module microslip_analysis_preload
+   use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_contact_condensed, only: condensed_solver_t
+   use microslip_contact_factory, only: contact_options_t, new_contact_solver
+   use microslip_contact_frictionless, only: solve_frictionless
+   use microslip_contact_laws, only: state_open
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, &
+      & new_state, gap_of
+   use microslip_core_error, only: error_t, failure, bad_input
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, product_of, solve_general
+   use microslip_system_jointed_system, only: jointed_system_t
+   implicit none(type, external)
+   private
+
+   public :: preload_options_t, preload_record_t, run_preload, static_problem, frictionless_preload
+
+   !> Relative accuracy of the interface forces.
+   real(wp), parameter :: force_tolerance = 1.0e-9_wp
+   integer, parameter :: max_trials = 30
+
+   type :: preload_options_t
+      !> Loads to be scaled (indices of the system's loads)
+      integer, allocatable :: loads(:)
+      !> (pads) N, normal force of each interface; as many as `loads`. Not allocated: `scale` is given
+      real(wp), allocatable :: interface_force(:)
+      !> (loads) given amplitudes
+      real(wp), allocatable :: scale(:)
+      !> Load steps
+      integer :: steps = 1
+   end type preload_options_t
+
+   !> How the preload went.
+   type :: preload_record_t
+      !> Contact solves and iterations in them
+      integer :: solves = 0, iterations = 0
+      !> Of the last solve: see `solve_record_t`
+      real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
+      !> Largest relative deviation of an interface force from what was asked
+      real(wp) :: force_deviation = 0.0_wp
+      !> (pads) N
+      real(wp), allocatable :: interface_force(:)
+      !> Elastic energy of structure and contact, and work of the loads on the way, J (balance: work - energy -
+      !> friction loss; trapezoidal over the load steps)
+      real(wp) :: elastic_energy = 0.0_wp, work = 0.0_wp, friction_loss = 0.0_wp
+   end type preload_record_t
+
+contains
+
+   !> Contact problem of the statics, its drivers are the amplitudes of `loads`; `response` = Khat^-1 [loads, R^T].
+   subroutine static_problem(system, loads, problem, response, error)
+      type(jointed_system_t), intent(in) :: system
+      integer, intent(in) :: loads(:)
+      type(contact_problem_t), intent(out) :: problem
+      !> (modes, loads + 3 points)
+      real(wp), allocatable, intent(out) :: response(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: factor(:, :)
+      integer :: n, m, k
+
+      n = 3*system%problem%n_points
+      m = size(loads)
+      factor = system%stiffness
+      call cholesky_factor(factor, error)
+      if (allocated(error)) then
+         call bad_input(error, 'the structure can move freely while its interfaces carry no force: '// &
+            & 'it needs supports, or bolts that hold it, for a static preload')
+         return
+      end if
+      allocate (response(system%n_modes, m + n))
+      response(:, :m) = system%load_modal(:, loads)
+      response(:, m + 1:) = transpose(system%problem%R(:, :system%n_modes))
+      call cholesky_solve(factor, response)
+
+      problem%n_points = system%problem%n_points
+      problem%friction = system%problem%friction
+      problem%r_0 = system%problem%r_0
+      problem%G = system%problem%G
+      call product_of(system%problem%R(:, :system%n_modes), response(:, m + 1:), problem%G, keep=1.0_wp)
+      do k = 1, n
+         problem%G(k, :k - 1) = problem%G(:k - 1, k)
+      end do
+      allocate (problem%R(n, m))
+      problem%R = system%problem%R(:, system%n_modes + loads) &
+         & + matmul(system%problem%R(:, :system%n_modes), response(:, :m))
+   end subroutine static_problem
+
+   !> Load amplitudes and closed points of the frictionless preload.
+   subroutine frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
+      type(jointed_system_t), intent(in) :: system
+      !> Static problem of the same loads
+      type(contact_problem_t), intent(in) :: problem
+      type(preload_options_t), intent(in) :: options
+      !> Part of the load that is applied
+      real(wp), intent(in) :: share
+      !> (loads) start value (zero: none) in, amplitudes out
+      real(wp), intent(inout) :: amplitude(:)
+      !> (points)
+      logical, intent(inout) :: closed(:)
+      !> (points) normal forces, N
+      real(wp), intent(out) :: force(:)
+      !> (pads, loads) derivative of the interface forces by the amplitudes, N
+      real(wp), intent(out) :: slope(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: G(:, :), R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:)
+      real(wp) :: deviation(size(system%pads))
+      integer :: trial
+
+      G = problem%G(1::3, 1::3)
+      R = problem%R(1::3, :)
+      r_0 = problem%r_0(1::3)
+      allocate (sensitivity(size(force), size(amplitude)))
+      if (allocated(options%scale)) amplitude = share*options%scale
+      do trial = 1, max_trials
+         if (allocated(options%interface_force) .and. all(amplitude == 0.0_wp)) then
+            ! First guess: all points closed and the surface flat, one load for all interfaces.
+            call tied_guess(system, G, R, share*options%interface_force, amplitude, error)
+            if (allocated(error)) return
+            closed = r_0 + matmul(R, amplitude) < 0.0_wp
+         end if
+         call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
+         if (allocated(error)) return
+         slope = sums_over_pads(system, sensitivity)
+         if (allocated(options%scale)) return
+         deviation = share*options%interface_force &
+            & - reshape(sums_over_pads(system, reshape(force, [size(force), 1])), [size(system%pads)])
+         if (maxval(abs(deviation)) <= force_tolerance*share*maxval(options%interface_force)) return
+         matrix = slope
+         step = reshape(deviation, [size(deviation), 1])
+         call solve_general(matrix, step, error)
+         if (allocated(error)) then
+            call failure(error, 'preload: the loads do not press the interfaces together')
+            return
+         end if
+         amplitude = amplitude + step(:, 1)
+      end do
+      call failure(error, 'preload: the interface forces cannot be reached without friction')
+   end subroutine frictionless_preload
+
+   !> Amplitudes that would give the interface forces if all points were closed on a flat surface.
+   subroutine tied_guess(system, G, R, target_force, amplitude, error)
+      type(jointed_system_t), intent(in) :: system
+      real(wp), intent(in) :: G(:, :), R(:, :), target_force(:)
+      real(wp), intent(out) :: amplitude(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: factor(:, :), x(:, :), step(:, :), matrix(:, :)
+
+      factor = G
+      call cholesky_factor(factor, error)
+      if (allocated(error)) then
+         error%message = 'preload: contact compliance is not positive definite: '//error%message
+         return
+      end if
+      x = -R
+      call cholesky_solve(factor, x)
+      matrix = sums_over_pads(system, x)
+      step = reshape(target_force, [size(target_force), 1])
+      call solve_general(matrix, step, error)
+      if (allocated(error)) then
+         call failure(error, 'preload: the loads do not press the interfaces together')
+         return
+      end if
+      amplitude = step(:, 1)
+   end subroutine tied_guess
+
+   !> Sums of the rows of `values` over the points of every pad, (pads, columns).
+   pure function sums_over_pads(system, values) result(total)
+      type(jointed_system_t), intent(in) :: system
+      !> (points, columns)
+      real(wp), intent(in) :: values(:, :)
+      real(wp) :: total(size(system%pads), size(values, 2))
+      integer :: k
+
+      do k = 1, size(system%pads)
+         associate (first => system%pads(k)%point_offset)
+            total(k, :) = sum(values(first + 1:first + size(system%pads(k)%potential), :), dim=1)
+         end associate
+      end do
+   end function sums_over_pads
+
+   !> Find the equilibrium under the preload.
+   subroutine run_preload(system, options, contact, state, record, error)
+      type(jointed_system_t), intent(in) :: system
+      type(preload_options_t), intent(in) :: options
+      type(contact_options_t), intent(in) :: contact
+      type(operating_state_t), intent(out) :: state
+      type(preload_record_t), intent(out) :: record
+      type(error_t), allocatable, intent(out) :: error
+      type(contact_problem_t) :: problem
+      type(contact_state_t) :: now
+      class(contact_solver_t), allocatable :: solver
+      real(wp), allocatable :: response(:, :), amplitude(:), previous(:), force(:), slope(:, :)
+      logical, allocatable :: closed(:)
+      real(wp) :: share
+      integer :: step, n
+
+      call static_problem(system, options%loads, problem, response, error)
+      if (allocated(error)) return
+      n = size(options%loads)
+      allocate (amplitude(n), source=0.0_wp)
+      allocate (closed(problem%n_points), force(problem%n_points), slope(size(system%pads), n))
+      closed = .true.
+      share = 1.0_wp/options%steps
+      call frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
+      if (allocated(error)) return
+
+      now = new_state(problem)
+      call new_contact_solver(contact, solver, error)
+      if (allocated(error)) return
+      select type (solver)
+      type is (condensed_solver_t)
+         solver%expected_closed = closed
+      end select
+      call solver%start(problem, now, error)
+      if (allocated(error)) return
+      previous = 0.0_wp*amplitude
+      do step = 1, options%steps
+         share = real(step, wp)/options%steps
+         if (allocated(options%scale)) amplitude = share*options%scale
+         call load_step(system, problem, options, share, slope, solver, now, amplitude, record, error)
+         if (allocated(error)) return
+         ! The next step starts from the straight line through the last two.
+         force = amplitude
+         amplitude = 2.0_wp*amplitude - previous
+         previous = force
+      end do
+      call finish(system, options, problem, response, now, state, record)
+   end subroutine run_preload
+
+   !> One load step: contact with friction at the amplitudes that give the wanted interface forces.
+   subroutine load_step(system, problem, options, share, slope, solver, now, amplitude, record, error)
+      type(jointed_system_t), intent(in) :: system
+      type(contact_problem_t), intent(in) :: problem
+      type(preload_options_t), intent(in) :: options
+      real(wp), intent(in) :: share
+      !> (pads, loads) approximate derivative of the interface forces, improved on return
+      real(wp), intent(inout) :: slope(:, :)
+      class(contact_solver_t), allocatable, intent(inout) :: solver
+      type(contact_state_t), intent(inout) :: now
+      real(wp), intent(inout) :: amplitude(:)
+      type(preload_record_t), intent(inout) :: record
+      type(error_t), allocatable, intent(out) :: error
+      class(contact_solver_t), allocatable :: trial_solver
+      type(contact_state_t) :: trial_state
+      type(solve_record_t) :: solved
+      real(wp), allocatable :: step(:, :), matrix(:, :), deviation(:), last_deviation(:)
+      integer :: trial
+
+      do trial = 1, max_trials
+         ! Every trial starts from the last equilibrium: friction must not remember the trials.
+         trial_solver = solver
+         trial_state = now
+         call trial_solver%advance(problem, amplitude, trial_state, solved)
+         record%solves = record%solves + 1
+         record%iterations = record%iterations + solved%iterations
+         record%residual = solved%residual
+         record%error_estimate = solved%error_estimate
+         if (.not. solved%converged) then
+            call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
+               & ' of the largest force after '//to_text(solved%iterations)//' iterations)')
+            return
+         end if
+         record%interface_force = system%interface_forces(trial_state%force)
+         if (allocated(options%scale)) exit
+         deviation = share*options%interface_force - record%interface_force
+         record%force_deviation = maxval(abs(deviation)/(share*options%interface_force))
+         if (record%force_deviation <= force_tolerance) exit
+         ! Broyden: the change that the last step left unexplained improves the slope.
+         if (trial > 1) slope = slope - matmul(reshape(deviation, [size(deviation), 1]), transpose(step))/sum(step**2)
+         matrix = slope
+         step = reshape(deviation, [size(deviation), 1])
+         call solve_general(matrix, step, error)
+         if (allocated(error)) return
+         amplitude = amplitude + step(:, 1)
+         last_deviation = deviation
+      end do
+      if (trial > max_trials) then
+         call failure(error, 'preload: the interface forces were not reached (deviation '// &
+            & to_text(record%force_deviation)//')')
+         return
+      end if
+      call book_energy(problem, now, trial_state, amplitude, record)
+      call move_alloc(trial_solver, solver)
+      now = trial_state
+   end subroutine load_step
+
+   !> Work of the loads' free gap on the contact forces and friction loss of one load step, trapezoidal.
+   subroutine book_energy(problem, before, after, amplitude, record)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: before, after
+      real(wp), intent(in) :: amplitude(:)
+      type(preload_record_t), intent(inout) :: record
+      real(wp), allocatable :: slip(:, :), moved(:)
+
+      slip = gap_of(problem, after%q, after%force) - gap_of(problem, before%q, before%force)
+      record%friction_loss = record%friction_loss - sum(after%force(2:3, :)*slip(2:3, :))
+      moved = matmul(problem%R, amplitude - before%q)
+      record%work = record%work - 0.5_wp*dot_product(reshape(before%force + after%force, [size(after%force)]), moved)
+   end subroutine book_energy
+
+   !> The static solution as an operating state of the whole system.
+   subroutine finish(system, options, problem, response, now, state, record)
+      type(jointed_system_t), intent(in) :: system
+      type(preload_options_t), intent(in) :: options
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), intent(in) :: response(:, :)
+      type(contact_state_t), intent(in) :: now
+      type(operating_state_t), intent(out) :: state
+      type(preload_record_t), intent(inout) :: record
+      real(wp), allocatable :: gap(:, :)
+      integer :: n, p
+
+      n = size(options%loads)
+      allocate (state%amplitude(system%n_loads), source=0.0_wp)
+      state%amplitude(options%loads) = now%q
+      state%modal = matmul(response(:, :n), now%q) &
+         & + matmul(response(:, n + 1:), reshape(now%force, [3*problem%n_points]))
+      state%contact = now
+      state%contact%q = [state%modal, state%amplitude]
+      ! Points outside the solver's base set know their normal gap only.
+      gap = gap_of(problem, now%q, now%force)
+      do p = 1, problem%n_points
+         if (now%status(p) == state_open) state%contact%gap(:, p) = gap(:, p)
+      end do
+      record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points])))
+   end subroutine finish
+
+end module microslip_analysis_preload

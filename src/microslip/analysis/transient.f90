@@ -1,0 +1,448 @@
+!> Semi-explicit leapfrog (paper eqs. (8)-(20), METHOD section 6).
+!>
+!>     v_{k+1/2} = (I/dt + D/2)^-1 [ f_k + (I/dt - D/2) v_{k-1/2} - Khat d_k + R^T lambda_k ]
+!>     d_{k+1}   = d_k + dt v_{k+1/2},   then the contact step at t_{k+1} gives lambda_{k+1}
+!>
+!> Energy books, every step. With v_{k-1/2} . v_{k+1/2} / 2 as kinetic energy and works by the trapezoidal
+!> rule the linear scheme keeps its books exactly; friction is booked with the force at the end of the step,
+!> -lambda_t . slip >= 0, as the contact law has it. What the books then miss is the error of the time
+!> discretisation at the contact, and the proof that the scheme has no other loss:
+!>     balance_error = external_work - viscous_loss - friction_loss - (kinetic + elastic - initial)
+!>
+!> Points left out of the potential contact set are checked on the whole grid every `verify_stride` steps and at the
+!> end; samples are handed on only after that. If one would close, it joins and the run repeats from the last check.
+module microslip_analysis_transient
+   use microslip_analysis_excitation, only: excitation_t, load_amplitudes
+   use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_contact_factory, only: contact_options_t, new_contact_solver
+   use microslip_contact_laws, only: state_open
+   use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, gap_of, count_states
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_system_jointed_system, only: jointed_system_t
+   implicit none(type, external)
+   private
+
+   public :: transient_options_t, transient_record_t, sample_t, transient_recorder_t, energy_t, run_transient
+
+   type :: transient_options_t
+      !> s
+      real(wp) :: duration = 0.0_wp
+      !> s
+      real(wp) :: time_step = 0.0_wp
+      !> Every `stride`-th step is recorded
+      integer :: stride = 1
+      type(excitation_t), allocatable :: excitations(:)
+      !> s, ascending: times of snapshots
+      real(wp), allocatable :: snapshots(:)
+      !> Steps between two checks of the points left out
+      integer :: verify_stride = 25
+   end type transient_options_t
+
+   !> Energies since the start, J.
+   type :: energy_t
+      real(wp) :: kinetic = 0.0_wp, elastic = 0.0_wp, external_work = 0.0_wp, viscous_loss = 0.0_wp, &
+         & friction_loss = 0.0_wp, balance_error = 0.0_wp
+   end type energy_t
+
+   !> What is recorded of a step.
+   type :: sample_t
+      integer :: step = 0
+      !> s
+      real(wp) :: time = 0.0_wp
+      !> (modes)
+      real(wp), allocatable :: modal(:)
+      !> (sensors) m
+      real(wp), allocatable :: sensor(:)
+      type(energy_t) :: energy
+      !> Points that are open, stick, slip
+      integer :: counts(3) = 0
+      integer :: iterations = 0
+      real(wp) :: residual = 0.0_wp
+      logical :: converged = .true.
+   end type sample_t
+
+   !> Who takes the results: knows files or memory, the integrator knows neither.
+   type, abstract :: transient_recorder_t
+   contains
+      procedure(record_interface), deferred :: record
+      procedure(snapshot_interface), deferred :: snapshot
+      procedure(progress_interface), deferred :: progress
+   end type transient_recorder_t
+
+   abstract interface
+      !> Take verified samples, in order of time.
+      subroutine record_interface(self, samples, error)
+         import :: transient_recorder_t, sample_t, error_t
+         implicit none(type, external)
+         class(transient_recorder_t), intent(inout) :: self
+         type(sample_t), intent(in) :: samples(:)
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine record_interface
+
+      !> Take the contact fields at a time that was asked for.
+      subroutine snapshot_interface(self, system, time, contact, error)
+         import :: transient_recorder_t, jointed_system_t, contact_state_t, error_t, wp
+         implicit none(type, external)
+         class(transient_recorder_t), intent(inout) :: self
+         type(jointed_system_t), intent(in) :: system
+         real(wp), intent(in) :: time
+         type(contact_state_t), intent(in) :: contact
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine snapshot_interface
+
+      !> Hear how far the run is; called every step.
+      subroutine progress_interface(self, time, counts)
+         import :: transient_recorder_t, wp
+         implicit none(type, external)
+         class(transient_recorder_t), intent(inout) :: self
+         real(wp), intent(in) :: time
+         integer, intent(in) :: counts(3)
+      end subroutine progress_interface
+   end interface
+
+   !> How the run went.
+   type :: transient_record_t
+      integer :: steps = 0
+      integer :: iterations = 0
+      integer :: rescues = 0
+      integer :: set_changes = 0
+      !> Steps whose contact solve did not converge
+      integer :: unconverged = 0
+      !> Largest residual and error estimate of a step, over the largest contact force
+      real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
+      !> Largest energy balance error over the largest energy put in by the excitation
+      real(wp) :: balance_error = 0.0_wp
+      !> Points that joined the potential contact set on the way
+      integer :: points_added = 0
+   end type transient_record_t
+
+   !> Everything that a step changes: copying it is a checkpoint in memory.
+   type :: motion_t
+      integer :: step = 0
+      real(wp), allocatable :: d(:), v_before(:), v_after(:)
+      !> (loads) amplitudes now, and the part that stays on
+      real(wp), allocatable :: amplitude(:), constant(:)
+      !> (modes) modal contact force R^T lambda
+      real(wp), allocatable :: contact_force(:)
+      type(contact_state_t) :: contact
+      type(energy_t) :: energy
+      real(wp) :: initial_energy = 0.0_wp, largest_input = 0.0_wp
+   end type motion_t
+
+contains
+
+   !> Integrate from an equilibrium at rest.
+   subroutine run_transient(system, start, options, contact_options, recorder, record, error)
+      !> Its potential contact set may grow
+      type(jointed_system_t), intent(inout) :: system
+      type(operating_state_t), intent(in) :: start
+      type(transient_options_t), intent(in) :: options
+      type(contact_options_t), intent(in) :: contact_options
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(transient_record_t), intent(out) :: record
+      type(error_t), allocatable, intent(out) :: error
+      class(contact_solver_t), allocatable :: solver
+      type(motion_t) :: motion, safe
+      type(sample_t), allocatable :: samples(:)
+      integer :: n_steps, block_end, added
+
+      call check_time_step(system, options%time_step, error)
+      if (allocated(error)) return
+      system%problem%velocity_level = contact_options%velocity_level
+      call new_contact_solver(contact_options, solver, error)
+      if (allocated(error)) return
+      call solver%start(system%problem, start%contact, error)
+      if (allocated(error)) return
+      call begin(system, start, options, motion)
+      n_steps = ceiling(options%duration/options%time_step*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
+      samples = [sample_of(system, motion, options, solve_record_t(converged=.true.))]
+
+      do while (motion%step < n_steps)
+         safe = motion
+         block_end = min(motion%step + options%verify_stride, n_steps, next_snapshot(options, motion%step))
+         call advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
+         if (allocated(error)) exit
+         call system%widen_where_closed(motion%d, motion%contact%force, motion%amplitude, added, error)
+         if (allocated(error)) exit
+         record%points_added = record%points_added + added
+         if (added > 0) then
+            call resume_from(system, safe, solver, motion, samples, error)
+            if (allocated(error)) exit
+            cycle
+         end if
+         call hand_on(system, options, motion, samples, recorder, error)
+         if (allocated(error)) return
+      end do
+      record%steps = motion%step
+      if (allocated(error)) call keep_results(recorder, samples)
+   end subroutine run_transient
+
+   !> The step at which the next snapshot is due: the first one not before its time.
+   pure integer function next_snapshot(options, step)
+      type(transient_options_t), intent(in) :: options
+      integer, intent(in) :: step
+      integer :: k
+
+      next_snapshot = huge(1)
+      if (.not. allocated(options%snapshots)) return
+      do k = 1, size(options%snapshots)
+         if (snapshot_step(options, k) > step) next_snapshot = min(next_snapshot, snapshot_step(options, k))
+      end do
+   end function next_snapshot
+
+   !> The step of a snapshot.
+   pure integer function snapshot_step(options, k)
+      type(transient_options_t), intent(in) :: options
+      integer, intent(in) :: k
+      snapshot_step = max(1, ceiling(options%snapshots(k)/options%time_step*(1.0_wp - 4.0_wp*epsilon(1.0_wp))))
+   end function snapshot_step
+
+   !> The leapfrog is stable for omega_max dt < 2.
+   subroutine check_time_step(system, time_step, error)
+      type(jointed_system_t), intent(in) :: system
+      real(wp), intent(in) :: time_step
+      type(error_t), allocatable, intent(out) :: error
+
+      if (time_step*system%highest_angular_frequency() >= 2.0_wp) then
+         call failure(error, 'time step '//to_text(time_step)//' s is past the stability limit of the leapfrog, '// &
+            & to_text(2.0_wp/system%highest_angular_frequency())//' s (2/omega_max of the retained modes)')
+      end if
+   end subroutine check_time_step
+
+   !> Motion at time zero: equilibrium, v_0 = 0, v_{-1/2} half a step back.
+   subroutine begin(system, start, options, motion)
+      type(jointed_system_t), intent(in) :: system
+      type(operating_state_t), intent(in) :: start
+      type(transient_options_t), intent(in) :: options
+      type(motion_t), intent(out) :: motion
+      real(wp) :: acceleration(system%n_modes)
+
+      motion%d = start%modal
+      motion%contact = start%contact
+      motion%contact_force = system%modal_force(start%contact%force)
+      motion%constant = start%amplitude
+      motion%amplitude = load_amplitudes(motion%constant, options%excitations, 0.0_wp)
+      acceleration = matmul(system%load_modal, motion%amplitude) + motion%contact_force &
+         & - matmul(system%stiffness, motion%d)
+      motion%v_before = -0.5_wp*options%time_step*acceleration
+      call next_velocity(system, options%time_step, motion)
+      motion%energy%kinetic = 0.5_wp*dot_product(motion%v_before, motion%v_after)
+      motion%energy%elastic = elastic_energy(system, motion)
+      motion%initial_energy = motion%energy%kinetic + motion%energy%elastic
+      motion%energy%elastic = 0.0_wp
+   end subroutine begin
+
+   !> v_{k+1/2} from v_{k-1/2} and the forces at t_k.
+   pure subroutine next_velocity(system, dt, motion)
+      type(jointed_system_t), intent(in) :: system
+      real(wp), intent(in) :: dt
+      type(motion_t), intent(inout) :: motion
+
+      motion%v_after = (matmul(system%load_modal, motion%amplitude) + motion%contact_force &
+         & - matmul(system%stiffness, motion%d) + (1.0_wp/dt - 0.5_wp*system%damping)*motion%v_before) &
+         & /(1.0_wp/dt + 0.5_wp*system%damping)
+   end subroutine next_velocity
+
+   !> Energy stored in structure, boundary and half spaces less the potential of the loads that stay on:
+   !> 1/2 d^T Khat d + 1/2 lambda^T G lambda, and the boundary's share of the load amplitudes.
+   pure real(wp) function elastic_energy(system, motion)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(in) :: motion
+      real(wp) :: total
+      integer :: p, k
+
+      ! G lambda = gap - r_0 - R q, and only loaded points count.
+      total = dot_product(motion%d, matmul(system%stiffness, motion%d)) &
+         & + dot_product(motion%amplitude, matmul(system%load_load, motion%amplitude))
+      do p = 1, system%problem%n_points
+         if (motion%contact%force(1, p) == 0.0_wp) cycle
+         k = 3*p - 2
+         total = total + dot_product(motion%contact%force(:, p), motion%contact%gap(:, p) &
+            & - system%problem%r_0(k:k + 2) - matmul(system%problem%R(k:k + 2, :), motion%contact%q) &
+            & + 2.0_wp*matmul(system%problem%R(k:k + 2, system%n_modes + 1:), motion%amplitude))
+      end do
+      elastic_energy = 0.5_wp*total
+   end function elastic_energy
+
+   !> Displacements that the loads do work on, (loads), m.
+   pure function load_displacements(system, motion) result(u)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(in) :: motion
+      real(wp) :: u(system%n_loads)
+      integer :: p, k
+
+      u = matmul(motion%d, system%load_modal) + matmul(system%load_load, motion%amplitude)
+      do p = 1, system%problem%n_points
+         if (motion%contact%force(1, p) == 0.0_wp) cycle
+         k = 3*p - 2
+         u = u + matmul(motion%contact%force(:, p), system%problem%R(k:k + 2, system%n_modes + 1:))
+      end do
+   end function load_displacements
+
+   !> Integrate to step `block_end`.
+   subroutine advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
+      type(jointed_system_t), intent(in) :: system
+      type(transient_options_t), intent(in) :: options
+      integer, intent(in) :: block_end
+      class(contact_solver_t), intent(inout) :: solver
+      type(motion_t), intent(inout) :: motion
+      type(sample_t), allocatable, intent(inout) :: samples(:)
+      type(transient_record_t), intent(inout) :: record
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(error_t), allocatable, intent(out) :: error
+      type(solve_record_t) :: solved
+
+      do while (motion%step < block_end)
+         call take_step(system, options, solver, motion, solved)
+         record%iterations = record%iterations + solved%iterations
+         record%rescues = record%rescues + solved%rescues
+         record%set_changes = record%set_changes + solved%set_changes
+         record%residual = max(record%residual, solved%residual)
+         record%error_estimate = max(record%error_estimate, solved%error_estimate)
+         if (.not. solved%converged) record%unconverged = record%unconverged + 1
+         record%balance_error = max(record%balance_error, &
+            & abs(motion%energy%balance_error)/max(motion%largest_input, tiny(1.0_wp)))
+         if (.not. all(abs(motion%d) < huge(1.0_wp))) then
+            call failure(error, 'transient: the motion is no longer finite at '// &
+               & to_text(motion%step*options%time_step)//' s')
+            return
+         end if
+         if (mod(motion%step, options%stride) == 0) samples = [samples, sample_of(system, motion, options, solved)]
+         call recorder%progress(motion%step*options%time_step, count_states(motion%contact))
+      end do
+   end subroutine advance_block
+
+   !> One step, energy books included.
+   subroutine take_step(system, options, solver, motion, solved)
+      type(jointed_system_t), intent(in) :: system
+      type(transient_options_t), intent(in) :: options
+      class(contact_solver_t), intent(inout) :: solver
+      type(motion_t), intent(inout) :: motion
+      type(solve_record_t), intent(out) :: solved
+      real(wp), allocatable :: old_amplitude(:), old_displacement(:), old_velocity(:)
+      real(wp), allocatable :: slip(:, :)
+      real(wp) :: dt
+
+      dt = options%time_step
+      old_amplitude = motion%amplitude
+      old_displacement = load_displacements(system, motion)
+      old_velocity = 0.5_wp*(motion%v_before + motion%v_after)
+
+      motion%v_before = motion%v_after
+      motion%d = motion%d + dt*motion%v_before
+      motion%step = motion%step + 1
+      motion%amplitude = load_amplitudes(motion%constant, options%excitations, motion%step*dt)
+
+      slip = motion%contact%gap(2:3, :)
+      call solver%advance(system%problem, [motion%d, motion%amplitude], motion%contact, solved)
+      slip = motion%contact%gap(2:3, :) - slip
+      motion%contact_force = system%modal_force(motion%contact%force)
+      call next_velocity(system, dt, motion)
+
+      associate (e => motion%energy)
+         e%kinetic = 0.5_wp*dot_product(motion%v_before, motion%v_after)
+         e%elastic = elastic_energy(system, motion) - motion%initial_energy
+         e%external_work = e%external_work + 0.5_wp*dot_product(old_amplitude + motion%amplitude, &
+            & load_displacements(system, motion) - old_displacement)
+         e%viscous_loss = e%viscous_loss + dt*dot_product(motion%v_before, &
+            & 0.5_wp*system%damping*(old_velocity + 0.5_wp*(motion%v_before + motion%v_after)))
+         e%friction_loss = e%friction_loss - sum(motion%contact%force(2:3, :)*slip)
+         e%balance_error = e%external_work - e%viscous_loss - e%friction_loss - (e%kinetic + e%elastic)
+         motion%largest_input = max(motion%largest_input, e%kinetic)
+      end associate
+   end subroutine take_step
+
+   !> What is recorded of the present step.
+   function sample_of(system, motion, options, solved) result(sample)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(in) :: motion
+      type(transient_options_t), intent(in) :: options
+      type(solve_record_t), intent(in) :: solved
+      type(sample_t) :: sample
+
+      sample%step = motion%step
+      sample%time = motion%step*options%time_step
+      sample%modal = motion%d
+      sample%sensor = system%sensor_values(motion%d, motion%contact%force, motion%amplitude)
+      sample%energy = motion%energy
+      sample%counts = count_states(motion%contact)
+      sample%iterations = solved%iterations
+      sample%residual = solved%residual
+      sample%converged = solved%converged
+   end function sample_of
+
+   !> Go back to a safe motion after the potential contact set has grown.
+   subroutine resume_from(system, safe, solver, motion, samples, error)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(in) :: safe
+      class(contact_solver_t), intent(inout) :: solver
+      type(motion_t), intent(out) :: motion
+      type(sample_t), allocatable, intent(inout) :: samples(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: gap(:, :)
+      integer :: p, old
+
+      motion = safe
+      samples = pack_before(samples, safe%step)
+      associate (contact => motion%contact, previous => system%previous_index)
+         deallocate (contact%force, contact%gap, contact%status)
+         allocate (contact%force(3, system%problem%n_points), source=0.0_wp)
+         allocate (contact%status(system%problem%n_points), source=state_open)
+         do p = 1, system%problem%n_points
+            if (previous(p) > 0) contact%force(:, p) = safe%contact%force(:, previous(p))
+         end do
+         gap = gap_of(system%problem, contact%q, contact%force)
+         contact%gap = gap
+         do p = 1, system%problem%n_points
+            old = previous(p)
+            if (old == 0) cycle
+            contact%status(p) = safe%contact%status(old)
+            if (contact%status(p) /= state_open) contact%gap(:, p) = safe%contact%gap(:, old)
+         end do
+      end associate
+      call solver%start(system%problem, motion%contact, error)
+   end subroutine resume_from
+
+   !> The samples up to a step.
+   pure function pack_before(samples, step) result(kept)
+      type(sample_t), intent(in) :: samples(:)
+      integer, intent(in) :: step
+      type(sample_t), allocatable :: kept(:)
+      integer :: k
+
+      kept = samples(:count([(samples(k)%step <= step, k=1, size(samples))]))
+   end function pack_before
+
+   !> Verified samples and snapshots go to the recorder.
+   subroutine hand_on(system, options, motion, samples, recorder, error)
+      type(jointed_system_t), intent(in) :: system
+      type(transient_options_t), intent(in) :: options
+      type(motion_t), intent(in) :: motion
+      type(sample_t), allocatable, intent(inout) :: samples(:)
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      call recorder%record(samples, error)
+      if (allocated(error)) return
+      samples = samples(:0)
+      if (.not. allocated(options%snapshots)) return
+      do k = 1, size(options%snapshots)
+         if (snapshot_step(options, k) /= motion%step) cycle
+         call recorder%snapshot(system, motion%step*options%time_step, motion%contact, error)
+         if (allocated(error)) return
+      end do
+   end subroutine hand_on
+
+   !> A failed run hands on what it has.
+   subroutine keep_results(recorder, samples)
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(sample_t), intent(in) :: samples(:)
+      type(error_t), allocatable :: ignored
+
+      call recorder%record(samples, ignored)
+   end subroutine keep_results
+
+end module microslip_analysis_transient

@@ -1,0 +1,226 @@
+!> The condensed operators on a base set of (mostly closed) contact points, METHOD section 5.
+!>
+!> With A the base set, M = G_AA^-1, S = -M R_A:
+!>     force_A  = force_A,ref + S (q - q_ref) + M x          x: gap increments of the base points
+!>     gap_n,o  = gap_n,o,ref + N (q - q_ref) + T x          o: points outside, whose force is zero
+!> with T = G_n,oA M and N = R_n,o + G_n,oA S. Points enter by bordering M with their Schur complement and
+!> leave by the reverse; both keep M symmetric, and after `rebuild_after` changes M is factorised anew.
+module microslip_contact_base_set
+   use microslip_contact_problem, only: contact_problem_t
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   use microslip_linalg_dense, only: inverse_spd, product_of
+   implicit none(type, external)
+   private
+
+   public :: base_set_t
+
+   !> Changes of the set after which the operators are computed anew.
+   integer, parameter :: rebuild_after = 100
+
+   type :: base_set_t
+      !> Points of the base set and points outside it
+      integer, allocatable :: inside(:), outside(:)
+      !> (points) place of a point in `inside`, 0 if it is outside
+      integer, allocatable :: place(:)
+      !> (3 inside, 3 inside) N/m
+      real(wp), allocatable :: M(:, :)
+      !> (3 inside, drivers)
+      real(wp), allocatable :: S(:, :)
+      !> (outside, 3 inside)
+      real(wp), allocatable :: T(:, :)
+      !> (outside, drivers)
+      real(wp), allocatable :: N(:, :)
+      !> Points that entered or left since the last factorisation
+      integer :: changes = 0
+   contains
+      procedure :: build
+      procedure :: enter
+      procedure :: leave
+   end type base_set_t
+
+contains
+
+   !> Factorise for the given base points.
+   subroutine build(self, problem, points, error)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      !> Points of the base set
+      integer, intent(in) :: points(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer, allocatable :: rows(:)
+
+      call partition(self, problem%n_points, points)
+      rows = unknowns(self%inside)
+      self%M = problem%G(rows, rows)
+      call inverse_spd(self%M, error)
+      if (allocated(error)) then
+         error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
+         return
+      end if
+      self%S = -multiply(self%M, problem%R(rows, :))
+      self%T = multiply(problem%G(3*self%outside - 2, rows), self%M)
+      call update_outside_slope(self, problem)
+      self%changes = 0
+   end subroutine build
+
+   !> Points join the base set (they are placed last, in the given order).
+   subroutine enter(self, problem, points, error)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      integer, intent(in) :: points(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: U(:, :), schur(:, :), US(:, :), M(:, :), T(:, :), border(:, :)
+      integer, allocatable :: rows(:), new(:), kept(:)
+      integer :: n, k, j
+
+      if (self%changes + size(points) > rebuild_after .or. 4*size(points) > size(self%inside)) then
+         call self%build(problem, [self%inside, points], error)
+         return
+      end if
+      rows = unknowns(self%inside)
+      new = unknowns(points)
+      n = size(rows)
+      k = size(new)
+      U = multiply(self%M, problem%G(rows, new))
+      schur = problem%G(new, new) - multiply(transpose(U), problem%G(rows, new))
+      schur = 0.5_wp*(schur + transpose(schur))
+      call inverse_spd(schur, error)
+      if (allocated(error)) then
+         call self%build(problem, [self%inside, points], error)
+         return
+      end if
+      US = multiply(U, schur)
+
+      allocate (M(n + k, n + k))
+      M(:n, :n) = multiply(US, transpose(U))
+      do j = 1, n
+         M(:j, j) = self%M(:j, j) + 0.5_wp*(M(:j, j) + M(j, :j))
+      end do
+      do j = 1, n
+         M(j, :j - 1) = M(:j - 1, j)
+      end do
+      M(:n, n + 1:) = -US
+      M(n + 1:, :n) = -transpose(US)
+      M(n + 1:, n + 1:) = schur
+
+      ! Rows of T for the points that stay outside.
+      kept = pack([(j, j=1, size(self%outside))], [(all(points /= self%outside(j)), j=1, size(self%outside))])
+      border = problem%G(3*self%outside(kept) - 2, new) - multiply(self%T(kept, :), problem%G(rows, new))
+      border = multiply(border, schur)
+      allocate (T(size(kept), n + k))
+      T(:, :n) = self%T(kept, :) - multiply(border, transpose(U))
+      T(:, n + 1:) = border
+
+      call move_alloc(M, self%M)
+      call move_alloc(T, self%T)
+      k = self%changes + size(points)
+      call partition(self, problem%n_points, [self%inside, points])
+      self%S = -multiply(self%M, problem%R(unknowns(self%inside), :))
+      call update_outside_slope(self, problem)
+      self%changes = k
+   end subroutine enter
+
+   !> Points that are open leave the base set.
+   subroutine leave(self, problem, points, error)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      integer, intent(in) :: points(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: W(:, :), own(:, :), M(:, :), T(:, :)
+      integer, allocatable :: stay(:), gone(:), rows(:), outside(:)
+      integer :: j, k
+
+      stay = pack(self%inside, [(all(points /= self%inside(j)), j=1, size(self%inside))])
+      if (self%changes + size(points) > rebuild_after .or. 4*size(points) > size(self%inside)) then
+         call self%build(problem, stay, error)
+         return
+      end if
+      gone = unknowns(self%place(points))
+      rows = unknowns(self%place(stay))
+      own = self%M(gone, gone)
+      call inverse_spd(own, error)
+      if (allocated(error)) then
+         call self%build(problem, stay, error)
+         return
+      end if
+      W = multiply(own, self%M(gone, rows))   ! = -G_gone,stay M_new
+      M = self%M(rows, rows) - multiply(self%M(rows, gone), W)
+      do j = 1, size(rows)
+         M(:j, j) = 0.5_wp*(M(:j, j) + M(j, :j))
+         M(j, :j - 1) = M(:j - 1, j)
+      end do
+
+      outside = self%outside
+      k = size(outside)
+      allocate (T(k + size(points), size(rows)))
+      T(:k, :) = self%T(:, rows) - multiply(self%T(:, gone), W)
+      do j = 1, size(points)
+         T(k + j, :) = -W(3*j - 2, :)
+      end do
+      call move_alloc(M, self%M)
+      k = self%changes + size(points)
+      call partition(self, problem%n_points, stay)
+      ! `partition` lists the points outside in ascending order: sort the rows of T the same way.
+      outside = [outside, points]
+      self%T = T(order_of(outside, problem%n_points), :)
+      self%S = -multiply(self%M, problem%R(unknowns(self%inside), :))
+      call update_outside_slope(self, problem)
+      self%changes = k
+   end subroutine leave
+
+   !> N = R_n,o + G_n,oA S.
+   subroutine update_outside_slope(self, problem)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+
+      ! G_n,oA S = -G_n,oA M R_A = -T R_A
+      self%N = problem%R(3*self%outside - 2, :) - multiply(self%T, problem%R(unknowns(self%inside), :))
+   end subroutine update_outside_slope
+
+   !> Lists of the points inside (as given) and outside (ascending).
+   subroutine partition(self, n_points, points)
+      class(base_set_t), intent(inout) :: self
+      integer, intent(in) :: n_points
+      integer, intent(in) :: points(:)
+      integer :: k
+
+      self%inside = points
+      if (allocated(self%place)) deallocate (self%place)
+      allocate (self%place(n_points), source=0)
+      self%place(self%inside) = [(k, k=1, size(points))]
+      self%outside = pack([(k, k=1, n_points)], self%place == 0)
+   end subroutine partition
+
+   !> Indices that list `points` (distinct, at most n_points) in ascending order.
+   pure function order_of(points, n_points) result(order)
+      integer, intent(in) :: points(:), n_points
+      integer, allocatable :: order(:)
+      integer :: where_is(n_points), k
+
+      where_is = 0
+      where_is(points) = [(k, k=1, size(points))]
+      order = pack(where_is, where_is > 0)
+   end function order_of
+
+   !> A B as a function.
+   function multiply(a, b) result(c)
+      real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+      real(wp), allocatable :: c(:, :)
+
+      allocate (c(size(a, 1), size(b, 2)))
+      call product_of(a, b, c)
+   end function multiply
+
+   !> The three unknowns of every point: 3p - 2, 3p - 1, 3p.
+   pure function unknowns(points) result(rows)
+      integer, intent(in) :: points(:)
+      integer :: rows(3*size(points))
+      integer :: j
+
+      do j = 1, size(points)
+         rows(3*j - 2:3*j) = 3*points(j) - [2, 1, 0]
+      end do
+   end function unknowns
+
+end module microslip_contact_base_set

@@ -1,0 +1,135 @@
+!> What a contact solver knows: the linear relation between gap, driver and contact force, and the state.
+!>
+!>     gap = r_0 + R q + G force          (paper eqs. (18)-(20), METHOD section 4)
+!>
+!> with the driver q: modal coordinates and load amplitudes in dynamics, load amplitudes in statics.
+!> Solvers advance the state from one q to the next; they know nothing of structures or time.
+module microslip_contact_problem
+   use microslip_core_kinds, only: wp
+   use microslip_contact_laws, only: state_open, state_stick, state_slip
+   implicit none(type, external)
+   private
+
+   public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
+   public :: new_state, gap_of, count_states
+
+   !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
+   type :: contact_problem_t
+      integer :: n_points = 0
+      !> (3 points, 3 points) symmetric, m/N
+      real(wp), allocatable :: G(:, :)
+      !> (3 points, drivers) m per unit of the driver
+      real(wp), allocatable :: R(:, :)
+      !> (3 points) m
+      real(wp), allocatable :: r_0(:)
+      !> (points)
+      real(wp), allocatable :: friction(:)
+      !> Normal law on velocity level, closed points only (the paper's option), instead of gap level
+      logical :: velocity_level = .false.
+   end type contact_problem_t
+
+   !> Where the contact is now.
+   type :: contact_state_t
+      !> (drivers)
+      real(wp), allocatable :: q(:)
+      !> (3, points) N
+      real(wp), allocatable :: force(:, :)
+      !> (3, points) m; the tangential part is the total relative displacement
+      real(wp), allocatable :: gap(:, :)
+      !> (points) state_open, state_stick or state_slip
+      integer, allocatable :: status(:)
+   end type contact_state_t
+
+   !> How a solve went. An unconverged solve is a result, not an exception.
+   type :: solve_record_t
+      logical :: converged = .false.
+      !> Iterations of the nonlinear solver (sweeps, or Newton steps)
+      integer :: iterations = 0
+      !> Largest violation of the contact laws over the largest contact force
+      real(wp) :: residual = 0.0_wp
+      !> Estimate of the error of the contact forces over the largest contact force: the change of the
+      !> last Newton step, or the last change of the projected Jacobi over its contraction gap
+      real(wp) :: error_estimate = 0.0_wp
+      !> How often a rescue (block Gauss-Seidel) was needed
+      integer :: rescues = 0
+      !> Points that joined or left the condensed base set
+      integer :: set_changes = 0
+   end type solve_record_t
+
+   !> A contact solver: takes the state to a new driver value.
+   type, abstract :: contact_solver_t
+      !> Wanted relative accuracy of the contact forces
+      real(wp) :: tolerance = 1.0e-10_wp
+      integer :: max_iterations = 100000
+   contains
+      procedure(start_interface), deferred :: start
+      procedure(advance_interface), deferred :: advance
+   end type contact_solver_t
+
+   abstract interface
+      !> Prepare for a problem from a state in equilibrium (factorisations, step lengths).
+      subroutine start_interface(self, problem, state, error)
+         use microslip_core_error, only: error_t
+         import :: contact_solver_t, contact_problem_t, contact_state_t
+         implicit none(type, external)
+         class(contact_solver_t), intent(inout) :: self
+         type(contact_problem_t), intent(in) :: problem
+         type(contact_state_t), intent(in) :: state
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine start_interface
+
+      !> Find forces and gaps at driver q; friction remembers the tangential gap of `state`.
+      subroutine advance_interface(self, problem, q, state, record)
+         import :: contact_solver_t, contact_problem_t, contact_state_t, solve_record_t, wp
+         implicit none(type, external)
+         class(contact_solver_t), intent(inout) :: self
+         type(contact_problem_t), intent(in) :: problem
+         real(wp), intent(in) :: q(:)
+         type(contact_state_t), intent(inout) :: state
+         type(solve_record_t), intent(out) :: record
+      end subroutine advance_interface
+   end interface
+
+contains
+
+   !> The unloaded state: no force, all points open (or just touching), driver zero.
+   pure function new_state(problem) result(state)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t) :: state
+
+      allocate (state%q(size(problem%R, 2)), source=0.0_wp)
+      allocate (state%force(3, problem%n_points), source=0.0_wp)
+      state%gap = reshape(problem%r_0, [3, problem%n_points])
+      allocate (state%status(problem%n_points), source=state_open)
+   end function new_state
+
+   !> gap = r_0 + R q + G force at all points, (3, points).
+   function gap_of(problem, q, force) result(gap)
+      type(contact_problem_t), intent(in) :: problem
+      !> (drivers)
+      real(wp), intent(in) :: q(:)
+      !> (3, points) N
+      real(wp), intent(in), contiguous :: force(:, :)
+      real(wp), allocatable :: gap(:, :)
+      real(wp) :: work(3*problem%n_points)
+      integer :: k, column
+
+      work = problem%r_0 + matmul(problem%R, q)
+      do k = 1, problem%n_points
+         if (all(force(:, k) == 0.0_wp)) cycle
+         do column = 1, 3
+            work = work + problem%G(:, 3*k - 3 + column)*force(column, k)
+         end do
+      end do
+      gap = reshape(work, [3, problem%n_points])
+   end function gap_of
+
+   !> Number of points that are open, stick and slip, (3).
+   pure function count_states(state) result(counts)
+      type(contact_state_t), intent(in) :: state
+      integer :: counts(3)
+      counts = [count(state%status == state_open), count(state%status == state_stick), &
+         & count(state%status == state_slip)]
+   end function count_states
+
+end module microslip_contact_problem

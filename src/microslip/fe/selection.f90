@@ -1,0 +1,66 @@
+!> Nodes of the model by the name of a set, and nodes in words, for messages that name the place.
+module microslip_fe_selection
+   use microslip_core_error, only: error_t, bad_input
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_fe_model, only: fe_model_t
+   implicit none(type, external)
+   private
+
+   public :: nodes_of_set, node_text, coordinates_text
+
+contains
+
+   !> The nodes of a node set; an unknown name and an empty set are wrong input.
+   subroutine nodes_of_set(model, name, nodes, error)
+      type(fe_model_t), intent(in) :: model
+      !> Name of the set, case does not matter
+      character(len=*), intent(in) :: name
+      !> Node indices
+      integer, allocatable, intent(out) :: nodes(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: set
+
+      set = 0
+      if (allocated(model%node_sets)) set = model%find_node_set(name)
+      if (set == 0) then
+         call bad_input(error, "there is no node set '"//name//"'; the model has "//known_sets(model))
+         return
+      end if
+      nodes = model%node_sets(set)%nodes
+      if (size(nodes) == 0) call bad_input(error, "the node set '"//name//"' is empty")
+   end subroutine nodes_of_set
+
+   !> The names of all sets, for messages.
+   pure function known_sets(model) result(list)
+      type(fe_model_t), intent(in) :: model
+      character(len=:), allocatable :: list
+      integer :: k
+
+      list = ''
+      if (allocated(model%node_sets)) then
+         do k = 1, size(model%node_sets)
+            if (k > 1) list = list//', '
+            list = list//"'"//model%node_sets(k)%name//"'"
+         end do
+      end if
+      if (list == '') list = 'no node sets'
+   end function known_sets
+
+   !> Label and coordinates of a node, for messages.
+   pure function node_text(model, node) result(text)
+      type(fe_model_t), intent(in) :: model
+      !> Node index
+      integer, intent(in) :: node
+      character(len=:), allocatable :: text
+      text = 'node '//to_text(model%node_label(node))//' at '//coordinates_text(model%coordinates(:, node))
+   end function node_text
+
+   !> (x, y, z), for messages.
+   pure function coordinates_text(x) result(text)
+      real(wp), intent(in) :: x(3)
+      character(len=:), allocatable :: text
+      text = '('//to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')'
+   end function coordinates_text
+
+end module microslip_fe_selection

@@ -1,0 +1,206 @@
+!> The product of the half-space compliance with the contact forces of all points, by FFT (METHOD section 3).
+!>
+!> C is block-Toeplitz, so u = C lambda is a convolution over the cells of the grid. Zero-padding to at least
+!> 2 n - 1 cells each way makes the cyclic convolution of the FFT exact. Cells without a contact point carry
+!> no force. Every part of C is even or odd in both offsets, so its spectrum is real (nn, 11, 22, 12) or
+!> imaginary (n1, n2), and one real number per frequency is kept:
+!>
+!>     u_n = K_nn l_n + i (K_n1 l_1 + K_n2 l_2)
+!>     u_1 = K_11 l_1 + K_12 l_2 - i K_n1 l_n
+!>     u_2 = K_12 l_1 + K_22 l_2 - i K_n2 l_n
+!>
+!> Plans are made with FFTW_ESTIMATE: the timing-driven choice of FFTW_MEASURE varies from run to run, and the
+!> last digits of the results with it.
+module microslip_halfspace_convolution
+   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_int, c_double, c_double_complex
+   use microslip_core_kinds, only: wp
+   use microslip_halfspace_compliance, only: compliance_t, part_nn, part_11, part_22, part_12, part_n1, part_n2
+   use microslip_linalg_fftw, only: fftw_plan_many_dft_r2c, fftw_plan_many_dft_c2r, fftw_execute_dft_r2c, &
+      & fftw_execute_dft_c2r, fftw_destroy_plan, FFTW_ESTIMATE
+   implicit none(type, external)
+   private
+
+   public :: convolution_t, new_convolution
+
+   !> C of one interface as an operator. Holds its workspace: one product at a time per object. Copies share
+   !> the plans; `release` frees them, once no copy is in use.
+   type :: convolution_t
+      private
+      !> Padded size
+      integer :: mx = 0, my = 0
+      !> (points) cell indices
+      integer, allocatable :: ix(:), iy(:)
+      !> (mx/2+1, my, 4 or 6) spectra of the parts over mx*my, m/N
+      real(wp), allocatable :: spectrum(:, :, :)
+      !> (mx, my, 3) forces, then displacements on the padded grid
+      real(wp), allocatable :: field(:, :, :)
+      !> (mx/2+1, my, 3) their transforms
+      complex(wp), allocatable :: transform(:, :, :)
+      type(c_ptr) :: forward = c_null_ptr, backward = c_null_ptr
+   contains
+      procedure :: apply
+      procedure :: release
+   end type convolution_t
+
+contains
+
+   !> Make the operator from the table of coefficients.
+   subroutine new_convolution(convolution, compliance)
+      !> The operator
+      type(convolution_t), intent(out) :: convolution
+      !> Coefficients and contact points
+      type(compliance_t), intent(in) :: compliance
+      integer :: parts
+
+      parts = size(compliance%table, 1)
+      convolution%mx = good_size(2*size(compliance%table, 2) - 1)
+      convolution%my = good_size(2*size(compliance%table, 3) - 1)
+      convolution%ix = compliance%ix
+      convolution%iy = compliance%iy
+      allocate (convolution%field(convolution%mx, convolution%my, 3))
+      allocate (convolution%transform(convolution%mx/2 + 1, convolution%my, 3))
+      allocate (convolution%spectrum(convolution%mx/2 + 1, convolution%my, parts))
+      call make_plans(convolution)
+      call transform_parts(convolution, compliance%table)
+   end subroutine new_convolution
+
+   !> Plans for the three components at once.
+   subroutine make_plans(convolution)
+      type(convolution_t), intent(inout) :: convolution
+      integer(c_int) :: n(2), n_half(2)
+
+      n = [convolution%my, convolution%mx]
+      n_half = [convolution%my, convolution%mx/2 + 1]
+      convolution%forward = fftw_plan_many_dft_r2c(2_c_int, n, 3_c_int, convolution%field, n, 1_c_int, product(n), &
+         & convolution%transform, n_half, 1_c_int, product(n_half), FFTW_ESTIMATE)
+      convolution%backward = fftw_plan_many_dft_c2r(2_c_int, n, 3_c_int, convolution%transform, n_half, 1_c_int, &
+         & product(n_half), convolution%field, n, 1_c_int, product(n), FFTW_ESTIMATE)
+   end subroutine make_plans
+
+   !> Spectra of the parts, three at a time. The part that vanishes by symmetry is rounding and is dropped,
+   !> which makes the operator symmetric to the last bit of its spectrum.
+   subroutine transform_parts(convolution, table)
+      type(convolution_t), intent(inout) :: convolution
+      real(wp), intent(in) :: table(:, 0:, 0:)
+      integer :: first, part
+
+      do first = 1, size(table, 1), 3
+         convolution%field = 0.0_wp
+         do part = first, min(first + 2, size(table, 1))
+            call wrap_part(part, table(part, :, :), convolution%field(:, :, part - first + 1))
+         end do
+         call fftw_execute_dft_r2c(convolution%forward, convolution%field, convolution%transform)
+         do part = first, min(first + 2, size(table, 1))
+            associate (transform => convolution%transform(:, :, part - first + 1))
+               if (part == part_n1 .or. part == part_n2) then
+                  convolution%spectrum(:, :, part) = aimag(transform)
+               else
+                  convolution%spectrum(:, :, part) = real(transform, wp)
+               end if
+            end associate
+         end do
+      end do
+      convolution%spectrum = convolution%spectrum/(real(convolution%mx, wp)*convolution%my)
+   end subroutine transform_parts
+
+   !> Continue one part to negative offsets, which wrap round the padded grid. Odd parts vanish at offset zero.
+   pure subroutine wrap_part(part, values, field)
+      integer, intent(in) :: part
+      real(wp), intent(in) :: values(0:, 0:)
+      real(wp), intent(inout) :: field(0:, 0:)
+      integer :: i, j, parity_x, parity_y, mx, my
+
+      parity_x = merge(-1, 1, part == part_12 .or. part == part_n1)
+      parity_y = merge(-1, 1, part == part_12 .or. part == part_n2)
+      mx = size(field, 1)
+      my = size(field, 2)
+      do j = 0, ubound(values, 2)
+         if (j == 0 .and. parity_y < 0) cycle
+         do i = 0, ubound(values, 1)
+            if (i == 0 .and. parity_x < 0) cycle
+            field(i, j) = values(i, j)
+            field(modulo(-i, mx), j) = parity_x*values(i, j)
+            field(i, modulo(-j, my)) = parity_y*values(i, j)
+            field(modulo(-i, mx), modulo(-j, my)) = parity_x*parity_y*values(i, j)
+         end do
+      end do
+   end subroutine wrap_part
+
+   !> u = C lambda for all contact points.
+   subroutine apply(self, lambda, u)
+      class(convolution_t), intent(inout) :: self
+      !> (3, points) contact forces (n, t1, t2), N
+      real(wp), intent(in) :: lambda(:, :)
+      !> (3, points) relative displacements (n, t1, t2), m
+      real(wp), intent(out) :: u(:, :)
+      integer :: point
+
+      self%field = 0.0_wp
+      do point = 1, size(self%ix)
+         self%field(self%ix(point), self%iy(point), :) = lambda(:, point)
+      end do
+      call fftw_execute_dft_r2c(self%forward, self%field, self%transform)
+      call multiply_spectra(self%spectrum, self%transform)
+      call fftw_execute_dft_c2r(self%backward, self%transform, self%field)
+      do point = 1, size(self%ix)
+         u(:, point) = self%field(self%ix(point), self%iy(point), :)
+      end do
+   end subroutine apply
+
+   !> The three-component product at every frequency, in place.
+   pure subroutine multiply_spectra(k, f)
+      !> (mx/2+1, my, 4 or 6) spectra of the parts of C
+      real(wp), intent(in), contiguous :: k(:, :, :)
+      !> (mx/2+1, my, 3) transformed forces, then displacements
+      complex(wp), intent(inout), contiguous :: f(:, :, :)
+      complex(wp), parameter :: imaginary = (0.0_wp, 1.0_wp)
+      complex(wp) :: l(3)
+      integer :: i, j
+      logical :: coupled
+
+      coupled = size(k, 3) > part_12
+      do j = 1, size(f, 2)
+         do i = 1, size(f, 1)
+            l = f(i, j, :)
+            f(i, j, 1) = k(i, j, part_nn)*l(1)
+            f(i, j, 2) = k(i, j, part_11)*l(2) + k(i, j, part_12)*l(3)
+            f(i, j, 3) = k(i, j, part_12)*l(2) + k(i, j, part_22)*l(3)
+            if (coupled) then
+               f(i, j, 1) = f(i, j, 1) + imaginary*(k(i, j, part_n1)*l(2) + k(i, j, part_n2)*l(3))
+               f(i, j, 2) = f(i, j, 2) - imaginary*(k(i, j, part_n1)*l(1))
+               f(i, j, 3) = f(i, j, 3) - imaginary*(k(i, j, part_n2)*l(1))
+            end if
+         end do
+      end do
+   end subroutine multiply_spectra
+
+   !> Free the plans.
+   subroutine release(self)
+      class(convolution_t), intent(inout) :: self
+
+      if (c_associated(self%forward)) call fftw_destroy_plan(self%forward)
+      if (c_associated(self%backward)) call fftw_destroy_plan(self%backward)
+      self%forward = c_null_ptr
+      self%backward = c_null_ptr
+   end subroutine release
+
+   !> The smallest size from n on that has only the factors 2, 3, 5 and 7.
+   pure integer function good_size(n)
+      integer, intent(in) :: n
+      integer, parameter :: factors(4) = [2, 3, 5, 7]
+      integer :: rest, k
+
+      good_size = n
+      do
+         rest = good_size
+         do k = 1, size(factors)
+            do while (modulo(rest, factors(k)) == 0)
+               rest = rest/factors(k)
+            end do
+         end do
+         if (rest == 1) return
+         good_size = good_size + 1
+      end do
+   end function good_size
+
+end module microslip_halfspace_convolution

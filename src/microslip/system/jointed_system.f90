@@ -1,0 +1,386 @@
+!> The structure with its joints as the analyses see it: modal coordinates, contact points, loads, sensors.
+!>
+!> The boundary is eliminated (METHOD section 4), F = K_bb^-1:
+!>     d_b  = F (W lambda + f_b - K_bi d_i)                                      (15)
+!>     gap  = -h + R d_i + W^T F f_b + G lambda,   G = C + W^T F W,  R = -W^T F K_bi     (19)
+!>     a_i + D v_i + Khat d_i = f_i - K_bi^T F f_b + R^T lambda,    Khat = K_ii - K_bi^T F K_bi
+!> A load pattern and a sensor are the same thing seen from two sides (reciprocity): both reduce to a modal
+!> part (n_i), a contact part (3P) and, between them, a static compliance of the boundary.
+module microslip_system_jointed_system
+   use microslip_contact_problem, only: contact_problem_t
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_kinds, only: wp, pi
+   use microslip_fe_reduced_model, only: reduced_model_t
+   use microslip_halfspace_coupling, only: add_gathered
+   use microslip_linalg_dense, only: inverse_spd, product_of, product_symmetric
+   use microslip_system_pad, only: pad_t
+   implicit none(type, external)
+   private
+
+   public :: jointed_system_t, new_system
+
+   type :: jointed_system_t
+      integer :: n_modes = 0, n_loads = 0
+      !> (modes) frequencies of the component modes, Hz
+      real(wp), allocatable :: frequency(:)
+      !> Khat, (modes, modes): the structure with traction-free interfaces, 1/s^2
+      real(wp), allocatable :: stiffness(:, :)
+      !> (modes) diagonal of D, 1/s
+      real(wp), allocatable :: damping(:)
+      type(pad_t), allocatable :: pads(:)
+      !> gap = r_0 + R [d_i; load amplitudes] + G lambda on the points in potential contact
+      type(contact_problem_t) :: problem
+      !> (modes, loads) and (loads, loads)
+      real(wp), allocatable :: load_modal(:, :), load_load(:, :)
+      !> (modes, sensors), (3 points, sensors), (loads, sensors): u = modal^T d_i + contact^T lambda + load^T a
+      real(wp), allocatable :: sensor_modal(:, :), sensor_contact(:, :), sensor_load(:, :)
+      !> (points) index that each point had before the potential contact set was last changed, 0: it is new
+      integer, allocatable :: previous_index(:)
+      !> F, (boundary, boundary), and K_bi, (boundary, modes)
+      real(wp), allocatable, private :: flexibility(:, :), K_bi(:, :)
+      !> (boundary, loads) and (boundary, sensors)
+      real(wp), allocatable, private :: load_boundary(:, :), sensor_boundary(:, :)
+   contains
+      procedure :: highest_angular_frequency
+      procedure :: restrict
+      procedure :: widen_where_closed
+      procedure :: grid_point_count
+      procedure :: modal_force
+      procedure :: sensor_values
+      procedure :: boundary_displacement
+      procedure :: gaps_everywhere
+      procedure :: interface_forces
+      procedure :: add_modal_load
+   end type jointed_system_t
+
+contains
+
+   !> Eliminate the boundary of a reduced model. `restrict` must be called next: it couples the pads.
+   subroutine new_system(reduced, pads, n_loads, damping, system, error)
+      !> Reduced model; its patterns are the loads, then the sensors
+      type(reduced_model_t), intent(in) :: reduced
+      type(pad_t), intent(in) :: pads(:)
+      !> How many of the patterns are loads
+      integer, intent(in) :: n_loads
+      !> (modes) diagonal of D, 1/s
+      real(wp), intent(in) :: damping(:)
+      type(jointed_system_t), intent(out) :: system
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: work(:, :)
+      integer :: k
+
+      system%n_modes = size(reduced%frequency)
+      system%n_loads = n_loads
+      system%frequency = reduced%frequency
+      system%damping = damping
+      system%pads = pads
+      do k = 2, size(pads)
+         system%pads(k)%boundary_offset = system%pads(k - 1)%boundary_offset + pads(k - 1)%boundary_count()
+      end do
+      system%K_bi = reduced%K_bi
+      system%load_boundary = reduced%pattern_b(:, :n_loads)
+      system%sensor_boundary = reduced%pattern_b(:, n_loads + 1:)
+      system%flexibility = reduced%K_bb
+      call inverse_spd(system%flexibility, error)
+      if (allocated(error)) then
+         error%message = 'boundary stiffness K_bb is not positive definite: '//error%message
+         return
+      end if
+
+      allocate (work, mold=reduced%K_bi)
+      call product_symmetric(system%flexibility, reduced%K_bi, work)
+      system%stiffness = reduced%K_ii
+      call product_of(reduced%K_bi, work, system%stiffness, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
+      system%stiffness = 0.5_wp*(system%stiffness + transpose(system%stiffness))
+
+      ! Reduced patterns: modal part p_i - K_bi^T F p_b, boundary compliance p_b^T F p_b.
+      system%load_modal = reduced%pattern_i(:, :n_loads) - matmul(transpose(work), system%load_boundary)
+      system%sensor_modal = reduced%pattern_i(:, n_loads + 1:) - matmul(transpose(work), system%sensor_boundary)
+      system%load_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%load_boundary))
+      system%sensor_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%sensor_boundary))
+   end subroutine new_system
+
+   !> Highest angular frequency of the component modes, rad/s: it limits the time step.
+   pure real(wp) function highest_angular_frequency(self)
+      class(jointed_system_t), intent(in) :: self
+      highest_angular_frequency = 2.0_wp*pi*maxval(self%frequency)
+   end function highest_angular_frequency
+
+   !> Number of grid points of all pads, whether in potential contact or not.
+   pure integer function grid_point_count(self)
+      class(jointed_system_t), intent(in) :: self
+      integer :: k
+      grid_point_count = sum([(self%pads(k)%grid%point_count(), k=1, size(self%pads))])
+   end function grid_point_count
+
+   !> Choose the points in potential contact and build G, R and -h on them.
+   subroutine restrict(self, potential, error)
+      class(jointed_system_t), intent(inout) :: self
+      !> (grid points of all pads)
+      logical, intent(in) :: potential(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: was(size(potential))
+      integer :: k, p, first, n, rows
+
+      if (.not. any(potential)) then
+         call failure(error, 'no point is in potential contact')
+         return
+      end if
+      was = 0
+      first = 0
+      n = 0
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            if (allocated(self%previous_index)) was(first + pad%potential) = [(pad%point_offset + p, p=1, size(pad%potential))]
+            pad%point_offset = n
+            pad%potential = pack([(p, p=1, pad%grid%point_count())], potential(first + 1:first + pad%grid%point_count()))
+            first = first + pad%grid%point_count()
+            n = n + size(pad%potential)
+         end associate
+      end do
+      self%previous_index = pack(was, potential)
+      self%problem%n_points = n
+      if (allocated(self%problem%G)) deallocate (self%problem%G, self%problem%R, self%problem%r_0, self%problem%friction)
+      if (allocated(self%sensor_contact)) deallocate (self%sensor_contact)
+      allocate (self%problem%G(3*n, 3*n), self%problem%R(3*n, self%n_modes + self%n_loads), &
+         & self%sensor_contact(3*n, size(self%sensor_modal, 2)), source=0.0_wp)
+      allocate (self%problem%r_0(3*n), self%problem%friction(n))
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            rows = pad%point_offset
+            self%problem%friction(rows + 1:rows + size(pad%potential)) = pad%friction
+            do p = 1, size(pad%potential)
+               self%problem%r_0(3*(rows + p) - 2:3*(rows + p)) = [-pad%height(pad%potential(p)), 0.0_wp, 0.0_wp]
+            end do
+         end associate
+      end do
+      call fill_compliance(self)
+      call fill_columns(self, -1.0_wp, self%K_bi, self%problem%R(:, :self%n_modes))
+      n = self%n_modes + size(self%load_boundary, 2)
+      call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:n))
+      call fill_columns(self, 1.0_wp, self%sensor_boundary, self%sensor_contact)
+   end subroutine restrict
+
+   !> G = C + W^T F W, pad by pad.
+   subroutine fill_compliance(self)
+      class(jointed_system_t), intent(inout) :: self
+      real(wp), allocatable :: block(:, :)
+      integer :: j, k
+
+      do k = 1, size(self%pads)
+         do j = 1, size(self%pads)
+            associate (row => self%pads(j), column => self%pads(k), G => self%problem%G)
+               allocate (block(3*size(row%potential), 3*size(column%potential)), source=0.0_wp)
+               call add_gathered(row%coupling, row%potential, column%coupling, column%potential, self%flexibility( &
+                  & row%boundary_offset + 1:row%boundary_offset + row%boundary_count(), &
+                  & column%boundary_offset + 1:column%boundary_offset + column%boundary_count()), block)
+               if (j == k) call row%compliance%add_to_dense(row%potential, block)
+               G(3*row%point_offset + 1:3*row%point_offset + size(block, 1), &
+                  & 3*column%point_offset + 1:3*column%point_offset + size(block, 2)) = block
+               deallocate (block)
+            end associate
+         end do
+      end do
+      ! Rounding leaves the last bit unsymmetric; everything that follows relies on symmetry.
+      do k = 1, size(self%problem%G, 2)
+         self%problem%G(k, :k - 1) = self%problem%G(:k - 1, k)
+      end do
+   end subroutine fill_compliance
+
+   !> target = factor W^T F x on the points in potential contact.
+   subroutine fill_columns(self, factor, x, target_rows)
+      class(jointed_system_t), intent(in) :: self
+      real(wp), intent(in) :: factor
+      !> (boundary, columns)
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> (3 points, columns)
+      real(wp), intent(out) :: target_rows(:, :)
+      real(wp), allocatable :: moved(:, :)
+      integer :: k, rows, first
+
+      if (size(x, 2) == 0) return
+      allocate (moved, mold=x)
+      call product_symmetric(self%flexibility, x, moved)
+      target_rows = 0.0_wp
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            rows = 3*pad%point_offset
+            first = pad%boundary_offset
+            call pad%coupling%interpolate_columns(pad%potential, moved(first + 1:first + pad%boundary_count(), :), &
+               & target_rows(rows + 1:rows + 3*size(pad%potential), :))
+         end associate
+      end do
+      target_rows = factor*target_rows
+   end subroutine fill_columns
+
+   !> R^T lambda: the contact forces on the modes, (modes).
+   function modal_force(self, force) result(f)
+      class(jointed_system_t), intent(in) :: self
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp) :: f(self%n_modes)
+      integer :: p, c, k
+
+      f = 0.0_wp
+      do p = 1, size(force, 2)
+         if (force(1, p) == 0.0_wp) cycle
+         do c = 1, 3
+            k = 3*p - 3 + c
+            f = f + self%problem%R(k, :self%n_modes)*force(c, p)
+         end do
+      end do
+   end function modal_force
+
+   !> Displacements at the sensors, (sensors), m.
+   function sensor_values(self, modal, force, amplitude) result(u)
+      class(jointed_system_t), intent(in) :: self
+      !> (modes)
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      real(wp) :: u(size(self%sensor_modal, 2))
+
+      u = matmul(modal, self%sensor_modal) + matmul(reshape(force, [size(force)]), self%sensor_contact) &
+         & + matmul(amplitude, self%sensor_load)
+   end function sensor_values
+
+   !> d_b = F (W lambda + f_b - K_bi d_i), (boundary), m.
+   function boundary_displacement(self, modal, force, amplitude) result(d_b)
+      class(jointed_system_t), intent(in) :: self
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      real(wp) :: d_b(size(self%K_bi, 1)), load(size(self%K_bi, 1))
+      real(wp), allocatable :: everywhere(:, :), nodal(:, :)
+      integer :: k, n
+
+      load = matmul(self%load_boundary, amplitude(:size(self%load_boundary, 2))) - matmul(self%K_bi, modal)
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            everywhere = spread_to_grid(pad, force)
+            n = pad%boundary_count()
+            allocate (nodal(3, n/3))
+            call pad%coupling%distribute(everywhere, nodal)
+            load(pad%boundary_offset + 1:pad%boundary_offset + n) = &
+               & load(pad%boundary_offset + 1:pad%boundary_offset + n) + reshape(nodal, [n])
+            deallocate (nodal)
+         end associate
+      end do
+      call product_symmetric(self%flexibility, load, d_b)
+   end function boundary_displacement
+
+   !> Contact forces of a pad on its whole grid, zero on points left out, (3, grid points).
+   pure function spread_to_grid(pad, force) result(everywhere)
+      type(pad_t), intent(in) :: pad
+      !> (3, points of all pads)
+      real(wp), intent(in) :: force(:, :)
+      real(wp), allocatable :: everywhere(:, :)
+
+      allocate (everywhere(3, pad%grid%point_count()), source=0.0_wp)
+      everywhere(:, pad%potential) = force(:, pad%point_offset + 1:pad%point_offset + size(pad%potential))
+   end function spread_to_grid
+
+   !> Relative displacement minus height at all grid points of all pads, left-out points included,
+   !> (3, grid points of all pads), m: the check that leaving points out was safe.
+   function gaps_everywhere(self, modal, force, amplitude) result(gap)
+      class(jointed_system_t), intent(inout) :: self
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      real(wp), allocatable :: gap(:, :), pad_gap(:, :)
+      real(wp) :: d_b(size(self%K_bi, 1))
+      integer :: k, n, first
+
+      d_b = self%boundary_displacement(modal, force, amplitude)
+      allocate (gap(3, sum([(self%pads(k)%grid%point_count(), k=1, size(self%pads))])))
+      first = 0
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            n = pad%boundary_count()
+            pad_gap = pad%displacement(spread_to_grid(pad, force), &
+               & reshape(d_b(pad%boundary_offset + 1:pad%boundary_offset + n), [3, n/3]))
+            pad_gap(1, :) = pad_gap(1, :) - pad%height
+            gap(:, first + 1:first + size(pad_gap, 2)) = pad_gap
+            first = first + size(pad_gap, 2)
+         end associate
+      end do
+   end function gaps_everywhere
+
+   !> Check the points left out of the potential contact set; where one penetrates, it joins, and with it all
+   !> whose gap is less than a twentieth of the largest initial gap.
+   subroutine widen_where_closed(self, modal, force, amplitude, added, error)
+      class(jointed_system_t), intent(inout) :: self
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      !> Number of points that joined
+      integer, intent(out) :: added
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: gap(:, :)
+      logical, allocatable :: potential(:)
+      integer :: k, first
+      real(wp) :: deepest
+
+      added = 0
+      if (self%problem%n_points == self%grid_point_count()) return
+      gap = self%gaps_everywhere(modal, force, amplitude)
+      allocate (potential(size(gap, 2)), source=.false.)
+      first = 0
+      deepest = 0.0_wp
+      do k = 1, size(self%pads)
+         potential(first + self%pads(k)%potential) = .true.
+         first = first + size(self%pads(k)%height)
+         deepest = min(deepest, minval(self%pads(k)%height))
+      end do
+      if (.not. any(gap(1, :) < 0.0_wp .and. .not. potential)) return
+      potential = potential .or. gap(1, :) < -0.05_wp*deepest
+      added = count(potential) - self%problem%n_points
+      call self%restrict(potential, error)
+   end subroutine widen_where_closed
+
+   !> Normal force of every pad, (pads), N.
+   pure function interface_forces(self, force) result(total)
+      class(jointed_system_t), intent(in) :: self
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp) :: total(size(self%pads))
+      integer :: k
+
+      do k = 1, size(self%pads)
+         associate (first => self%pads(k)%point_offset)
+            total(k) = sum(force(1, first + 1:first + size(self%pads(k)%potential)))
+         end associate
+      end do
+   end function interface_forces
+
+   !> Add the load f = M phi for a modal shape: it acts on the modes alone (no mass on the boundary).
+   subroutine add_modal_load(self, phi)
+      class(jointed_system_t), intent(inout) :: self
+      !> (modes)
+      real(wp), intent(in) :: phi(:)
+      real(wp), allocatable :: wider(:, :)
+      integer :: n
+
+      n = self%n_loads
+      self%load_modal = reshape([self%load_modal, phi], [self%n_modes, n + 1])
+      allocate (wider(n + 1, n + 1), source=0.0_wp)
+      wider(:n, :n) = self%load_load
+      call move_alloc(wider, self%load_load)
+      allocate (wider(n + 1, size(self%sensor_load, 2)), source=0.0_wp)
+      wider(:n, :) = self%sensor_load
+      call move_alloc(wider, self%sensor_load)
+      allocate (wider(size(self%problem%R, 1), self%n_modes + n + 1), source=0.0_wp)
+      wider(:, :self%n_modes + n) = self%problem%R
+      call move_alloc(wider, self%problem%R)
+      self%n_loads = n + 1
+   end subroutine add_modal_load
+
+end module microslip_system_jointed_system

@@ -1,0 +1,87 @@
+!> A contact pad: one interface with everything the contact needs there - grid, surface, half space, coupling.
+module microslip_system_pad
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   use microslip_fe_interface, only: contact_interface_t
+   use microslip_halfspace_compliance, only: compliance_t, new_compliance
+   use microslip_halfspace_convolution, only: convolution_t, new_convolution
+   use microslip_halfspace_coupling, only: coupling_t, build_coupling
+   use microslip_halfspace_grid, only: be_grid_t
+   use microslip_halfspace_love_cerruti, only: half_space_pair_t
+   implicit none(type, external)
+   private
+
+   public :: pad_t, new_pad
+
+   type :: pad_t
+      type(contact_interface_t) :: contact
+      type(be_grid_t) :: grid
+      type(coupling_t) :: coupling
+      type(compliance_t) :: compliance
+      type(convolution_t) :: convolution
+      !> (grid points) height of the composite surface, <= 0 with the highest point at 0, m
+      real(wp), allocatable :: height(:)
+      real(wp) :: friction = 0.0_wp
+      !> Boundary coordinates of the pads before this one
+      integer :: boundary_offset = 0
+      !> Points in potential contact: their indices in the grid, ascending
+      integer, allocatable :: potential(:)
+      !> Contact points of the pads before this one
+      integer :: point_offset = 0
+   contains
+      procedure :: boundary_count
+      procedure :: displacement
+   end type pad_t
+
+contains
+
+   !> Bring the parts of a pad together. All grid points are in potential contact at first.
+   subroutine new_pad(contact, grid, height, material, friction, overhang, pad, error)
+      type(contact_interface_t), intent(in) :: contact
+      type(be_grid_t), intent(in) :: grid
+      !> (grid points) m
+      real(wp), intent(in) :: height(:)
+      !> The two bodies
+      type(half_space_pair_t), intent(in) :: material
+      !> Friction coefficient
+      real(wp), intent(in) :: friction
+      !> How far outside the faces a point may lie, in face coordinates (width 2)
+      real(wp), intent(in) :: overhang
+      type(pad_t), intent(out) :: pad
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      pad%contact = contact
+      pad%grid = grid
+      pad%height = height
+      pad%friction = friction
+      call build_coupling(contact, grid%position, pad%coupling, overhang, error)
+      if (allocated(error)) return
+      call new_compliance(pad%compliance, material, grid)
+      call new_convolution(pad%convolution, pad%compliance)
+      pad%potential = [(k, k=1, grid%point_count())]
+   end subroutine new_pad
+
+   !> Number of boundary coordinates, three per node pair.
+   pure integer function boundary_count(self)
+      class(pad_t), intent(in) :: self
+      boundary_count = 3*self%contact%pair_count()
+   end function boundary_count
+
+   !> Relative displacement C lambda + W^T d_b at all grid points, (3, grid points), m.
+   function displacement(self, force, boundary) result(u)
+      class(pad_t), intent(inout) :: self
+      !> (3, grid points) contact forces, N
+      real(wp), intent(in), contiguous :: force(:, :)
+      !> (3, pairs) relative displacements of the node pairs, m
+      real(wp), intent(in), contiguous :: boundary(:, :)
+      real(wp), allocatable :: u(:, :), far(:, :)
+
+      allocate (u, mold=force)
+      allocate (far, mold=force)
+      call self%convolution%apply(force, u)
+      call self%coupling%interpolate(boundary, far)
+      u = u + far
+   end function displacement
+
+end module microslip_system_pad
