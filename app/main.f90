@@ -1,6 +1,31 @@
+!> The program: reads the command line, runs the cases, ends with an exit status.
 program main
-   use microslip_analysis_transient, only: run_transient
-   use microslip_analysis_linear_modes, only: solve_linear_modes
-   use microslip_analysis_potential_set, only: choose_potential_set
+   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+   use microslip_cli_blas_kernel, only: ensure_fast_blas
+   use microslip_cli_command_line, only: command_line_t, parse_command_line, process_arguments, help_text
+   use microslip_cli_driver, only: run_cases
+   use microslip_core_error, only: error_t
+   use microslip_core_version, only: program_version
    implicit none(type, external)
+
+   type(command_line_t) :: line
+   type(error_t), allocatable :: error
+   character(len=:), allocatable :: warning
+
+   call ensure_fast_blas(warning)
+   if (warning /= '') write (error_unit, '(2a)') 'microslip: warning: ', warning
+   call parse_command_line(process_arguments(), line, error)
+   if (.not. allocated(error)) then
+      if (line%help) then
+         write (output_unit, '(a)') help_text()
+      else if (line%version) then
+         write (output_unit, '(2a)') 'microslip ', program_version
+      else
+         call run_cases(line, error)
+      end if
+   end if
+   if (allocated(error)) then
+      write (error_unit, '(2a)') 'microslip: ', error%message
+      stop error%status, quiet=.true.
+   end if
 end program main

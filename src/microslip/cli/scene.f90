@@ -1,0 +1,274 @@
+!> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
+module microslip_cli_scene
+   use microslip_core_error, only: error_t, bad_input
+   use microslip_core_kinds, only: wp
+   use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
+   use microslip_fe_load_pattern, only: load_vector, sensor_row
+   use microslip_fe_model, only: fe_model_t
+   use microslip_halfspace_coupling, only: points_on_faces
+   use microslip_halfspace_grid, only: be_grid_t, new_grid
+   use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
+   use microslip_io_calculix, only: read_model_calculix
+   use microslip_io_case, only: case_t, interface_case_t, topography_case_t, model_case_t
+   use microslip_io_model_file, only: read_model_hdf5
+   use microslip_io_topography_file, only: read_topography_hdf5
+   use microslip_surface_height_map, only: height_map_t, new_height_map
+   use microslip_surface_topography, only: topography_t, flat_t, hill_t, new_hill
+   use microslip_system_pad, only: pad_t, new_pad
+   implicit none(type, external)
+   private
+
+   public :: scene_t, build_scene, read_model
+
+   !> How far outside the faces a grid point may lie, in face coordinates (width 2): the slivers between the
+   !> chords of a meshed outline and the outline itself.
+   real(wp), parameter :: overhang = 0.2_wp
+
+   !> What a case describes, read and checked.
+   type :: scene_t
+      type(fe_model_t) :: model
+      type(pad_t), allocatable :: pads(:)
+      !> (rows, loads on nodes + sensors) force patterns, N per unit amplitude; sensor rows
+      real(wp), allocatable :: patterns(:, :)
+      !> (case loads) index of the load in the system; modal loads come after the loads on nodes
+      integer, allocatable :: load_index(:)
+      integer :: n_node_loads = 0
+   end type scene_t
+
+contains
+
+   !> Read the FE model of a case.
+   subroutine read_model(case, model, error)
+      type(case_t), intent(in) :: case
+      type(fe_model_t), intent(out) :: model
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (source => case%model)
+         if (source%source == 'hdf5') then
+            call read_model_hdf5(case%located(source%file), model, error)
+         else
+            call read_model_calculix(case%located(source%file), case%located(source%mesh_file), &
+               & unit_in_si(source%unit_length), unit_in_si(source%unit_mass), unit_in_si(source%unit_time), model, error)
+         end if
+      end associate
+   end subroutine read_model
+
+   !> A unit in SI units.
+   pure real(wp) function unit_in_si(name)
+      character(len=*), intent(in) :: name
+
+      select case (trim(name))
+      case ('mm', 'ms', 'g')
+         unit_in_si = 1.0e-3_wp
+      case ('um')
+         unit_in_si = 1.0e-6_wp
+      case ('t')
+         unit_in_si = 1.0e3_wp
+      case default
+         unit_in_si = 1.0_wp
+      end select
+   end function unit_in_si
+
+   !> Read everything a case names and bring it together.
+   subroutine build_scene(case, scene, error)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(out) :: scene
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      call read_model(case, scene%model, error)
+      if (allocated(error)) return
+      allocate (scene%pads(size(case%interfaces)))
+      do k = 1, size(case%interfaces)
+         call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), error)
+         if (allocated(error)) return
+      end do
+      call build_patterns(case, scene, error)
+   end subroutine build_scene
+
+   !> One interface: node pairs, grid, surface, half space.
+   subroutine build_pad(case, record, model, pad, error)
+      type(case_t), intent(in) :: case
+      type(interface_case_t), intent(in) :: record
+      type(fe_model_t), intent(in) :: model
+      type(pad_t), intent(out) :: pad
+      type(error_t), allocatable, intent(out) :: error
+      type(contact_interface_t) :: contact
+      type(be_grid_t) :: grid
+      class(topography_t), allocatable :: surface
+      type(material_t) :: body(2)
+      real(wp), allocatable :: height(:)
+      integer :: k
+
+      call find_interface(record, model, contact, error)
+      if (allocated(error)) return
+      call make_grid(record, contact, grid, error)
+      if (.not. allocated(error)) call make_surface(case, record, grid, surface, error)
+      if (.not. allocated(error)) call surface%heights(grid%position, height, error)
+      do k = 1, size(record%young_modulus)
+         if (.not. allocated(error)) call elastic_material(body(k), record%young_modulus(k), record%poisson_ratio(k), error)
+      end do
+      if (.not. allocated(error)) call new_pad(contact, grid, height, half_space_pair(body(1), body(2)), record%friction, &
+         & overhang, pad, error)
+      if (allocated(error)) error%message = case%path//": interface '"//trim(record%name)//"': "//error%message
+   end subroutine build_pad
+
+   !> Node pairs of an interface, from node sets or from a plane.
+   subroutine find_interface(record, model, contact, error)
+      type(interface_case_t), intent(in) :: record
+      type(fe_model_t), intent(in) :: model
+      type(contact_interface_t), intent(out) :: contact
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: region(:, :)
+
+      if (record%side_a /= '') then
+         call interface_from_sets(model, trim(record%name), trim(record%side_a), trim(record%side_b), contact, &
+            & tangent=record%axis_1, error=error)
+      else
+         if (allocated(record%region)) region = transpose(reshape(record%region, [2, 3]))
+         call interface_from_plane(model, trim(record%name), record%plane_point, record%plane_normal, contact, &
+            & region=region, tangent=record%axis_1, error=error)
+      end if
+   end subroutine find_interface
+
+   !> The boundary-element grid: extent, holes, and cut where there is no face.
+   subroutine make_grid(record, contact, grid, error)
+      type(interface_case_t), intent(in) :: record
+      type(contact_interface_t), intent(in) :: contact
+      type(be_grid_t), intent(out) :: grid
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: lower(2), upper(2)
+      real(wp), allocatable :: holes(:, :)
+      logical, allocatable :: mask(:, :)
+
+      lower = minval(contact%position, dim=2)
+      upper = maxval(contact%position, dim=2)
+      if (allocated(record%extent)) then
+         lower = record%extent([1, 3])
+         upper = record%extent([2, 4])
+      end if
+      allocate (holes(3, 0))
+      if (allocated(record%holes)) holes = record%holes
+      ! First the whole rectangle, to learn which cells lie on faces.
+      call new_grid(grid, lower, upper, record%nx, record%ny, error)
+      if (allocated(error)) return
+      mask = reshape(points_on_faces(contact, grid%position, overhang), [record%nx, record%ny])
+      call new_grid(grid, lower, upper, record%nx, record%ny, error, holes=holes, mask=mask)
+   end subroutine make_grid
+
+   !> The surface of an interface.
+   subroutine make_surface(case, record, grid, surface, error)
+      type(case_t), intent(in) :: case
+      type(interface_case_t), intent(in) :: record
+      type(be_grid_t), intent(in) :: grid
+      class(topography_t), allocatable, intent(out) :: surface
+      type(error_t), allocatable, intent(out) :: error
+      type(hill_t) :: hill
+      type(height_map_t) :: map
+      integer :: k
+      real(wp) :: lower(2), upper(2), summit(2)
+
+      k = case%find_topography(record%topography)
+      if (k == 0) then
+         allocate (flat_t :: surface)
+         return
+      end if
+      associate (topography => case%topographies(k))
+         select case (trim(topography%source))
+         case ('hill')
+            lower = [grid%x(1) - 0.5_wp*grid%dx, grid%y(1) - 0.5_wp*grid%dy]
+            upper = [grid%x(grid%nx) + 0.5_wp*grid%dx, grid%y(grid%ny) + 0.5_wp*grid%dy]
+            summit = 0.5_wp*(lower + upper)
+            if (allocated(topography%center)) summit = topography%center
+            call new_hill(hill, lower, upper, summit, topography%height, error)
+            allocate (surface, source=hill)
+         case ('file')
+            call make_map(case, topography, map, error)
+            allocate (surface, source=map)
+         case default
+            allocate (flat_t :: surface)
+         end select
+         if (.not. allocated(error)) call surface%set_levelling(trim(topography%level), error)
+      end associate
+   end subroutine make_surface
+
+   !> A surface from a file.
+   subroutine make_map(case, topography, map, error)
+      type(case_t), intent(in) :: case
+      type(topography_case_t), intent(in) :: topography
+      type(height_map_t), intent(out) :: map
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: x(:), y(:), z(:, :)
+      character(len=:), allocatable :: unit, z_name
+
+      ! An argument that is not allocated counts as absent.
+      if (topography%unit_length /= '') unit = trim(topography%unit_length)
+      if (topography%z_name /= '') z_name = trim(topography%z_name)
+      call read_topography_hdf5(case%located(topography%file), x, y, z, error, trim(topography%x_name), &
+         & trim(topography%y_name), z_name, unit)
+      if (allocated(error)) return
+      call new_height_map(map, x, y, z, trim(topography%sense), error, topography%scale, topography%filter_wavelength)
+      if (allocated(error)) return
+      call map%place(topography%offset, topography%rotation*acos(-1.0_wp)/180.0_wp, 'none', error)
+   end subroutine make_map
+
+   !> Force patterns of the loads on nodes, then the sensor rows.
+   subroutine build_patterns(case, scene, error)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(inout) :: scene
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: part(:)
+      integer :: k, p, n_sensors, modal
+
+      n_sensors = 0
+      if (allocated(case%output%sensors)) n_sensors = size(case%output%sensors)
+      scene%n_node_loads = count(case%loads%kind == 'nodes')
+      allocate (scene%patterns(scene%model%row_count(), scene%n_node_loads + n_sensors), source=0.0_wp)
+      allocate (scene%load_index(size(case%loads)))
+      p = 0
+      modal = scene%n_node_loads
+      do k = 1, size(case%loads)
+         if (case%loads(k)%kind == 'nodes') then
+            p = p + 1
+            scene%load_index(k) = p
+            call add_parts(case, k, scene%model, scene%patterns(:, p), error)
+            if (allocated(error)) return
+         else
+            modal = modal + 1
+            scene%load_index(k) = modal
+         end if
+      end do
+      do k = 1, n_sensors
+         call sensor_row(scene%model, trim(case%output%sensors(k)), case%output%sensor_direction(:, k), part, error)
+         if (allocated(error)) then
+            error%message = case%path//': &output: sensors: '//error%message
+            return
+         end if
+         scene%patterns(:, scene%n_node_loads + k) = part
+      end do
+   end subroutine build_patterns
+
+   !> The force vector of one load: the sum of its parts.
+   subroutine add_parts(case, index, model, pattern, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: index
+      type(fe_model_t), intent(in) :: model
+      real(wp), intent(inout) :: pattern(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: part(:)
+      integer :: k
+
+      associate (load => case%loads(index))
+         do k = 1, size(load%node_set)
+            call load_vector(model, trim(load%node_set(k)), load%direction(:, k), load%size(k), &
+               & trim(load%distribution(k)), part, error)
+            if (allocated(error)) then
+               error%message = case%path//": load '"//trim(load%name)//"': "//error%message
+               return
+            end if
+            pattern = pattern + part
+         end do
+      end associate
+   end subroutine add_parts
+
+end module microslip_cli_scene

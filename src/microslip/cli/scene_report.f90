@@ -1,0 +1,103 @@
+!> What a case will compute, what it will cost, and what it skips and why.
+module microslip_cli_scene_report
+   use microslip_cli_log, only: log_t
+   use microslip_cli_scene, only: scene_t
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_io_case, only: case_t
+   implicit none(type, external)
+   private
+
+   public :: report_scene
+
+   !> Rates that the time estimates rest on: dense and sparse factorisation, memory traffic of one core.
+   real(wp), parameter :: dense_rate = 3.0e10_wp, sparse_rate = 5.0e9_wp, memory_rate = 5.0e9_wp
+   !> Share of the grid points that is expected in potential contact where points are left out.
+   real(wp), parameter :: expected_share = 0.26_wp
+
+contains
+
+   !> Print sizes, estimates and what is skipped.
+   subroutine report_scene(log, case, scene)
+      type(log_t), intent(in) :: log
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      integer :: k, boundary, points
+      real(wp) :: unknowns
+
+      call log%line('FE model: '//to_text(scene%model%node_count())//' nodes, '//to_text(scene%model%row_count()) &
+         & //' rows, '//to_text(scene%model%stiffness%entries())//' entries in the stiffness triangle')
+      boundary = 0
+      points = 0
+      unknowns = 0.0_wp
+      do k = 1, size(scene%pads)
+         associate (pad => scene%pads(k))
+            call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
+               & //to_text(size(pad%contact%faces, 2))//' faces; grid '//to_text(pad%grid%nx)//' x '//to_text(pad%grid%ny) &
+               & //' cells of '//to_text(1.0e3_wp*pad%grid%dx, 4)//' x '//to_text(1.0e3_wp*pad%grid%dy, 4)//' mm, ' &
+               & //to_text(pad%grid%point_count())//' points; height range '//to_text(-1.0e6_wp*minval(pad%height), 4) &
+               & //' um; friction '//to_text(pad%friction))
+            boundary = boundary + pad%boundary_count()
+            points = points + pad%grid%point_count()
+            unknowns = unknowns + 3.0_wp*pad%grid%point_count()*merge(1.0_wp, expected_share, takes_all(case, scene, k))
+         end associate
+      end do
+      call report_cost(log, case, scene, boundary, unknowns)
+      call report_skipped(log, case, scene)
+   end subroutine report_scene
+
+   !> Whether all points of an interface are in potential contact.
+   pure logical function takes_all(case, scene, k)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      integer, intent(in) :: k
+      takes_all = case%interfaces(k)%potential == 'all' .or. .not. case%runs('preload') &
+         & .or. all(scene%pads(k)%height == 0.0_wp)
+   end function takes_all
+
+   !> Memory and time, as orders of magnitude.
+   subroutine report_cost(log, case, scene, boundary, unknowns)
+      type(log_t), intent(in) :: log
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      integer, intent(in) :: boundary
+      real(wp), intent(in) :: unknowns
+      real(wp) :: memory, seconds, entries
+
+      ! Fill of the sparse factor grows about as n log n on the meshes of jointed beams.
+      entries = 6.0_wp*scene%model%stiffness%entries()
+      memory = 8.0_wp*(2.0_wp*boundary**2.0_wp + 2.5_wp*unknowns**2 + 3.0_wp*entries)
+      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate &
+         & + boundary**3.0_wp/dense_rate + unknowns**3/(27.0_wp*dense_rate) + 8.0_wp*unknowns**2/memory_rate
+      call log%line('sizes: '//to_text(boundary)//' boundary coordinates, about '//to_text(unknowns, 3) &
+         & //' contact unknowns; estimates: memory '//to_text(memory/1.0e9_wp, 2)//' GB, set-up and preload ' &
+         & //to_text(seconds, 2)//' s')
+      if (case%runs('transient')) call log%line('transient: '//to_text(case%transient%duration)//' s; the time step follows ' &
+         & //'from the highest retained frequency unless it is given')
+   end subroutine report_cost
+
+   !> What this case does not need.
+   subroutine report_skipped(log, case, scene)
+      type(log_t), intent(in) :: log
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      integer :: k
+
+      do k = 1, size(scene%pads)
+         associate (pad => scene%pads(k))
+            if (.not. pad%compliance%coupled()) call log%line("skipped, interface '"//pad%contact%name &
+               & //"': normal-tangential coupling of the half spaces (equal materials cancel it)")
+            if (takes_all(case, scene, k)) then
+               call log%line("skipped, interface '"//pad%contact%name//"': choice of the points in potential contact " &
+                  & //'(all take part: asked for, flat, or no preload)')
+            else
+               call log%line("skipped, interface '"//pad%contact%name//"': unknowns of the points that stay open " &
+                  & //'(chosen by the frictionless preload, verified during the run)')
+            end if
+         end associate
+      end do
+      if (.not. allocated(case%output%snapshots)) call log%line('skipped: contact fields over time (no snapshots asked for)')
+      if (case%reduction%cache == '') call log%line('skipped: cache of the reduction (no file given)')
+   end subroutine report_skipped
+
+end module microslip_cli_scene_report
