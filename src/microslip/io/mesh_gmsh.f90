@@ -122,6 +122,7 @@ contains
       type(gmsh_t), intent(inout) :: file
       type(error_t), allocatable, intent(out) :: error
       type(entity_t) :: entity
+      character(len=:), allocatable :: line
       real(wp) :: number
       integer :: counts(4), dimension, k, j, p, groups
       logical :: ok
@@ -134,23 +135,22 @@ contains
             call file%expect_line(error)
             if (allocated(error)) return
             ! tag, then a point (3 numbers) or a box (6), then the number of groups and the groups.
-            associate (line => file%lines%text())
-               p = 1
-               entity%dimension = dimension
-               call next_integer(line, p, entity%tag, ok)
-               do j = 1, merge(3, 6, dimension == 0)
-                  if (ok) call next_real(line, p, number, ok)
+            line = file%lines%text()
+            p = 1
+            entity%dimension = dimension
+            call next_integer(line, p, entity%tag, ok)
+            do j = 1, merge(3, 6, dimension == 0)
+               if (ok) call next_real(line, p, number, ok)
+            end do
+            if (ok) call next_integer(line, p, groups, ok)
+            if (ok) ok = groups >= 0 .and. groups <= len(line)
+            if (ok) then
+               entity%group = spread(0, 1, groups)
+               do j = 1, groups
+                  if (ok) call next_integer(line, p, entity%group(j), ok)
+                  entity%group(j) = abs(entity%group(j))
                end do
-               if (ok) call next_integer(line, p, groups, ok)
-               if (ok) ok = groups >= 0 .and. groups <= len(line)
-               if (ok) then
-                  entity%group = spread(0, 1, groups)
-                  do j = 1, groups
-                     if (ok) call next_integer(line, p, entity%group(j), ok)
-                     entity%group(j) = abs(entity%group(j))
-                  end do
-               end if
-            end associate
+            end if
             if (.not. ok) then
                call file%complain('an entity', error)
                return
