@@ -100,7 +100,7 @@ def read_modes(path, node_count):
                 displacements.append([])
             elif displacements and len(words) == 4:
                 displacements[-1].append(line)
-    assert len(displacements) == len(frequencies), f"{path}: {len(displacements)} shapes, {len(frequencies)} frequencies"
+    assert len(displacements) == len(frequencies), f"{path} is incomplete"
     shapes = np.zeros((len(frequencies), node_count, 3))
     for shape, lines in zip(shapes, displacements):
         text = re.sub(r"(\d)([-+]\d{3})", r"\1E\2", " ".join(lines))  # Fortran writes 1.5E-200 as 1.5-200

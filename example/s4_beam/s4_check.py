@@ -11,7 +11,8 @@ import s4_mesh
 MODES = 32
 CUT_OFF = 5000.0  # Hz
 NAMED = ("1st in-phase", "1st out-of-phase", "3rd out-of-phase")
-# An independent model (36 000 nodes, same dimensions): tied radius (mm) -> the named modes (Hz), modes below the cut-off
+# An independent model (36 000 nodes, same dimensions):
+# tied radius (mm) -> the named modes (Hz), number of modes below the cut-off
 REFERENCE = {math.inf: (218.5, 280.2, 1504.0, 28), 12.7: (213.7, 263.2, 1396.0, 29), 10.0: (212.0, 257.7, 1360.0, 30),
              8.73: (211.2, 254.1, 1336.0, 30), 7.65: (210.3, 249.4, 1307.0, 30), 6.67: (209.3, 242.8, 1269.0, 30)}
 
@@ -94,8 +95,8 @@ class Table:
         self.path, self.size = path, size
         with open(path, "w") as table:
             table.write(f"# Tied frequencies of the S4 Beam, {size} model: {len(mesh.coordinates)} nodes, C3D8I\n"
-                        f"# Made by example/s4_beam/build_model --check with CalculiX {s4_calculix.version()} (*FREQUENCY),"
-                        f" {datetime.date.today()}\n"
+                        "# Made by example/s4_beam/build_model --check with CalculiX "
+                        f"{s4_calculix.version()} (*FREQUENCY), {datetime.date.today()}\n"
                         "# radius: pad nodes up to this distance (mm) from a bolt axis are tied; inf = the whole pad\n"
                         "size,radius_mm,mode,frequency_hz,name\n")
 
