@@ -60,11 +60,11 @@ module microslip_io_case
       character(len=name_length) :: source = ''
       !> hill: m, peak to peak
       real(wp) :: height = 0.0_wp
-      !> hill: (2) m, local coordinates; m
-      real(wp), allocatable :: center(:), width
+      !> hill: (2) m, summit in local coordinates; not allocated: middle of the grid
+      real(wp), allocatable :: center(:)
       !> file: HDF5 file and its datasets
       character(len=path_length) :: file = ''
-      character(len=name_length) :: x_name = 'x', y_name = 'y', z_name = 'z'
+      character(len=name_length) :: x_name = 'x', y_name = 'y', z_name = ''
       !> file: 'm', 'mm', 'um'; blank: as the file says
       character(len=name_length) :: unit_length = ''
       !> file: 'height' (of side B's surface towards A) or 'gap' (between both)

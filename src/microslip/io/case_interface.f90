@@ -104,9 +104,8 @@ contains
       if (record%source == 'hill') then
          call keys%real_key('height', record%height, non_negative, required=.true.)
          call keys%real_list('center', record%center, any_value, [2, 2])
-         call keys%optional_real('width', record%width, positive)
       else
-         call keys%ignored([character(len=8) :: 'height', 'center', 'width'], "with source = 'hill'", decided_by='source')
+         call keys%ignored([character(len=8) :: 'height', 'center'], "with source = 'hill'", decided_by='source')
       end if
       if (record%source == 'file') then
          call keys%name_key('file', record%file, required=.true.)

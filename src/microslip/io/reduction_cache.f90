@@ -31,7 +31,7 @@ contains
       type(digest_t) :: digest
       integer :: k
 
-      call digest%add('reduction '//to_text(cache_version)//' '//options%method//' '//to_text(options%n_modes))
+      call digest%add('reduction '//to_text(cache_version)//' '//options%method//' '//to_text(options%modes))
       call digest%add([options%cutoff_frequency])
       call digest%add(model%row_node)
       call digest%add(model%row_component)
