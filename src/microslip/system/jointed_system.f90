@@ -287,7 +287,7 @@ contains
    !> Relative displacement minus height at all grid points of all pads, left-out points included,
    !> (3, grid points of all pads), m: the check that leaving points out was safe.
    function gaps_everywhere(self, modal, force, amplitude) result(gap)
-      class(jointed_system_t), intent(inout) :: self
+      class(jointed_system_t), intent(in) :: self
       real(wp), intent(in) :: modal(:)
       !> (3, points) N
       real(wp), intent(in) :: force(:, :)

@@ -70,16 +70,19 @@ contains
 
    !> Relative displacement C lambda + W^T d_b at all grid points, (3, grid points), m.
    function displacement(self, force, boundary) result(u)
-      class(pad_t), intent(inout) :: self
+      class(pad_t), intent(in) :: self
       !> (3, grid points) contact forces, N
       real(wp), intent(in), contiguous :: force(:, :)
       !> (3, pairs) relative displacements of the node pairs, m
       real(wp), intent(in), contiguous :: boundary(:, :)
       real(wp), allocatable :: u(:, :), far(:, :)
+      type(convolution_t) :: convolution
 
       allocate (u, mold=force)
       allocate (far, mold=force)
-      call self%convolution%apply(force, u)
+      ! A product writes into the workspace of its operator: this copy's.
+      convolution = self%convolution
+      call convolution%apply(force, u)
       call self%coupling%interpolate(boundary, far)
       u = u + far
    end function displacement

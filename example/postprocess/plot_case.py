@@ -1,0 +1,379 @@
+#!/usr/bin/env python3
+"""Pictures of a microslip result file.
+
+    plot_case.py RESULT.h5 [--output PREFIX]
+
+writes PREFIX_history.png (sensors), PREFIX_interface.png (pressure and slip ratio), PREFIX_energy.png (contact counts,
+energies, balance error) and PREFIX_overview.png (all of these in one). What the file does not hold is not drawn; files of
+runs that still go on or were interrupted are fine. Needs h5py, numpy and matplotlib.
+"""
+import argparse
+import os
+import sys
+
+import h5py
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+# Distinguishable with all common colour deficiencies (Okabe and Ito).
+BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#777777"
+COLOURS = [BLUE, RED, GREEN, PURPLE, ORANGE]
+NO_CONTACT = "#e4e4e4"
+ENERGIES = [("external_work", "work of the loads", "black", "-"), ("kinetic", "kinetic", BLUE, "-"),
+            ("elastic", "elastic", GREEN, "-"), ("viscous_loss", "viscous loss", ORANGE, "-"),
+            ("friction_loss", "friction loss", RED, "-")]
+STATES = [("stick", "stick", BLUE), ("slip", "slip", RED), ("open", "open", GREY)]
+STYLE = {"font.size": 9, "axes.titlesize": 9, "axes.labelsize": 9, "legend.fontsize": 8, "legend.frameon": False,
+         "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "#e8e8e8",
+         "grid.linewidth": 0.6, "axes.axisbelow": True, "lines.linewidth": 0.9, "agg.path.chunksize": 20000}
+
+
+class WrongFile(Exception):
+    """The file is not one that can be drawn; the message is for the user."""
+
+
+class Result:
+    """What a result file holds, as far as it is drawn. Missing parts are None or empty."""
+
+    def __init__(self, path):
+        if not os.path.isfile(path):
+            raise WrongFile(f"{path}: no such file")
+        try:
+            with h5py.File(path, "r", locking=False) as file:
+                program = file.attrs.get("program", "")
+                if (program.decode() if isinstance(program, bytes) else program) != "microslip":
+                    raise WrongFile(f"{path}: not a result file of microslip (no attribute program = 'microslip')")
+                self.read(file)
+        except (OSError, RuntimeError) as fault:
+            raise WrongFile(f"{path}: cannot be read as HDF5 ({fault})") from fault
+        if self.time is None and not self.states:
+            raise WrongFile(f"{path}: holds neither a preload nor a time series, nothing to draw")
+
+    def read(self, file):
+        """Read everything that can be drawn."""
+        self.frequency = file["linear_modes/frequency"][()] if "linear_modes/frequency" in file else None
+        self.interfaces = read_interfaces(file)
+        self.states = read_states(file, self.interfaces)
+        self.time, self.sensors, self.energy, self.contact = None, {}, {}, {}
+        if "transient/time" not in file:
+            return
+        group = file["transient"]
+        # In the file of an interrupted run the last samples may not be in all series.
+        count = min(len(data) for data in series_of(group))
+        if count < 2:
+            return
+        self.time = group["time"][:count]
+        if "sensor" in group and group["sensor"].shape[1] > 0:
+            values = group["sensor"][:count]
+            names = group["sensor_name"].asstr()[()] if "sensor_name" in group else []
+            for k in range(values.shape[1]):
+                self.sensors[names[k] if k < len(names) else f"sensor {k + 1}"] = values[:, k] - values[0, k]
+        self.energy = {name: data[:count] for name, data in group.get("energy", {}).items()}
+        self.contact = {name: data[:count] for name, data in group.get("contact", {}).items()}
+
+    def caption(self):
+        """The linear frequencies in words."""
+        if self.frequency is None or len(self.frequency) == 0:
+            return ""
+        shown = ", ".join(f"{f:.1f}" for f in self.frequency[:4])
+        more = ", ..." if len(self.frequency) > 4 else ""
+        return f"linear frequencies about the preload: {shown}{more} Hz"
+
+
+def series_of(group):
+    """All time series in /transient."""
+    series = [group["time"]] + [group[name] for name in ("sensor", "modal_displacement") if name in group]
+    for name in ("energy", "contact"):
+        series += list(group.get(name, {}).values())
+    return series
+
+
+def read_interfaces(file):
+    """Axes, grid points and names of the interfaces by group name."""
+    interfaces = {}
+    for name in sorted((n for n in file if n.startswith("interface_")), key=lambda n: int(n.split("_")[1])):
+        group = file[name]
+        label = group.attrs.get("name", name)
+        interfaces[name] = {"x": group["x"][()], "y": group["y"][()], "inside": ~np.isnan(group["height"][()]),
+                            "label": label.decode() if isinstance(label, bytes) else label}
+    return interfaces
+
+
+def read_states(file, interfaces):
+    """Pressure and slip ratio after the preload and at the last snapshot: [(title, {interface: fields})]."""
+    names = ("pressure", "slip_ratio")
+    states = []
+    fields = {k: {n: file[f"preload/{k}/{n}"][()] for n in names} for k in interfaces if f"preload/{k}/slip_ratio" in file}
+    if fields:
+        states.append(("after the preload", fields))
+    snapshot = file.get("transient/snapshot")
+    series = [snapshot[f"{k}/{n}"] for k in interfaces for n in names if f"{k}/{n}" in snapshot] if snapshot else []
+    last = min([len(s) for s in series], default=0) - 1
+    if last >= 0 and len(series) == 2 * len(interfaces):
+        fields = {k: {n: snapshot[f"{k}/{n}"][last] for n in names} for k in interfaces}
+        states.append((f"at {snapshot['time'][last] * 1e3:.4g} ms", fields))
+    return states
+
+
+# ------------------------------------------------------------------------------------------------------------ units
+
+def scaled(largest, unit):
+    """Factor and name of the unit in which numbers up to `largest` (SI) read well."""
+    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"), (1e12, "p")):
+        if largest * factor >= 1.0:
+            return factor, prefix + unit
+    return 1.0, unit
+
+
+def largest_of(arrays):
+    """Largest finite absolute value."""
+    return max((np.nanmax(np.abs(a), initial=0.0) for a in arrays), default=0.0)
+
+
+def time_axis(result):
+    """Times in ms, or in s for long runs."""
+    if result.time[-1] < 5.0:
+        return result.time * 1e3, "time / ms"
+    return result.time, "time / s"
+
+
+# ------------------------------------------------------------------------------------------------------------ panels
+
+def draw_history(ax, result, zoom=False):
+    """Sensor displacements; `zoom` shows some periods round the largest one."""
+    time, label = time_axis(result)
+    size = largest_of(result.sensors.values())
+    # Displacements of hundreds of micrometres read better than tenths of millimetres.
+    factor, unit = (1e6, "µm") if 1e-7 <= size < 5e-3 else scaled(size, "m")
+    shown = slice(None)
+    if zoom:
+        shown = zoom_range(result)
+    for (name, values), colour in zip(result.sensors.items(), COLOURS * len(result.sensors)):
+        ax.plot(time[shown], values[shown] * factor, color=colour, label=name)
+    ax.set_xlabel(label)
+    ax.set_ylabel(f"displacement / {unit}")
+    ax.set_title("sensors, from the preloaded state" if not zoom else "detail", loc="left")
+    ax.margins(x=0)
+    if not zoom:
+        ax.legend(loc="upper right", ncols=4)
+
+
+def zoom_range(result):
+    """About ten periods of the lowest linear mode, or a tenth of the run, from just before the largest displacement."""
+    length = 0.1 * result.time[-1]
+    if result.frequency is not None and len(result.frequency) and result.frequency[0] > 0:
+        length = min(10.0 / result.frequency[0], result.time[-1])
+    peak = result.time[np.argmax(np.max(np.abs(np.array(list(result.sensors.values()))), axis=0))]
+    start = max(0.0, min(peak - 0.1 * length, result.time[-1] - length))
+    return slice(*np.searchsorted(result.time, [start, start + length]))
+
+
+def draw_counts(ax, result):
+    """Contact states over time, as shares of the area in potential contact."""
+    time, label = time_axis(result)
+    counts = [(result.contact[key], name, colour) for key, name, colour in STATES if key in result.contact]
+    ax.stackplot(time, *[c for c, _, _ in counts], labels=[n for _, n, _ in counts], colors=[c for _, _, c in counts],
+                 alpha=0.75, linewidth=0)
+    if "converged" in result.contact and np.any(result.contact["converged"] == 0):
+        failed = time[result.contact["converged"] == 0]
+        ax.plot(failed, np.zeros_like(failed), "k|", label=f"not converged ({len(failed)} samples)", clip_on=False)
+    ax.set_xlabel(label)
+    ax.set_ylabel("contact points")
+    ax.set_title("contact", loc="left")
+    ax.margins(0)
+    handles, names = ax.get_legend_handles_labels()
+    ax.legend(handles, names, loc="lower right", ncols=4, bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1, handlelength=1.2)
+
+
+def draw_energies(ax, result):
+    """Where the energy is and where it went."""
+    time, label = time_axis(result)
+    factor, unit = scaled(largest_of(result.energy.values()), "J")
+    for key, name, colour, line in ENERGIES:
+        if key in result.energy:
+            ax.plot(time, result.energy[key] * factor, line, color=colour, label=name)
+    ax.set_xlabel(label)
+    ax.set_ylabel(f"energy / {unit}")
+    ax.set_title("energy", loc="left")
+    ax.margins(x=0)
+    ax.legend(loc="lower right", ncols=5, bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1, columnspacing=1.0, handlelength=1.2)
+
+
+def draw_balance(ax, result):
+    """Error of the energy balance over the largest work of the loads."""
+    time, label = time_axis(result)
+    error = np.abs(result.energy["balance_error"])
+    largest = largest_of([result.energy["external_work"]]) if "external_work" in result.energy else 0.0
+    reference = "work of the loads" if largest > 0 else "1 J"
+    ratio = error / (largest if largest > 0 else 1.0)
+    ax.semilogy(time, np.where(ratio > 0, ratio, np.nan), color="black", linewidth=0.7)
+    ax.set_xlabel(label)
+    ax.set_ylabel(f"|balance error| / {reference}")
+    ax.set_title("energy balance error", loc="left")
+    ax.margins(x=0)
+
+
+def draw_map(ax, interface, values, cmap, limit):
+    """A field on one interface: colour where closed, grey where open, white where there is no grid point."""
+    x, y = interface["x"] * 1e3, interface["y"] * 1e3
+    half = [0.5 * (a[1] - a[0]) if len(a) > 1 else 0.5 for a in (x, y)]
+    place = {"origin": "lower", "aspect": "equal", "interpolation": "nearest",
+             "extent": (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])}
+    grey = matplotlib.colors.ListedColormap([NO_CONTACT])
+    ax.imshow(np.ma.masked_where(~interface["inside"], np.zeros(values.shape)), cmap=grey, **place)
+    image = ax.imshow(np.ma.masked_invalid(values), cmap=cmap, vmin=0.0, vmax=limit, **place)
+    ax.grid(False)
+    for side in ax.spines.values():
+        side.set_visible(False)
+    ax.tick_params(length=2, labelsize=8)
+    return image
+
+
+def draw_maps(figure, axes, result, states, names):
+    """Maps on a grid of axes: one row per state, pressure and slip ratio of every interface side by side."""
+    closed = {}
+    for _, fields in states:
+        for name in names:
+            pressure = fields[name]["pressure"]
+            closed[id(pressure)] = np.where(pressure > 0, pressure, np.nan)
+    peak = largest_of(closed.values())
+    # One overloaded corner must not hide the rest.
+    values = np.concatenate([c[np.isfinite(c)] for c in closed.values()])
+    limit = max(np.percentile(values, 99.5), 0.5 * peak) if len(values) else 1.0
+    # Contact pressures are read in MPa whatever their size.
+    for row, (title, fields) in enumerate(states):
+        for k, name in enumerate(names):
+            interface = result.interfaces[name]
+            pressure = draw_map(axes[row][2 * k], interface, closed[id(fields[name]["pressure"])] * 1e-6, "viridis", limit * 1e-6)
+            ratio = draw_map(axes[row][2 * k + 1], interface, fields[name]["slip_ratio"], "inferno_r", 1.0)
+            axes[row][2 * k].set_title(f"{interface['label']}, {title}: pressure", loc="left")
+            axes[row][2 * k + 1].set_title("slip ratio", loc="left")
+            axes[row][2 * k + 1].tick_params(labelleft=False)
+            for ax in axes[row][2 * k:2 * k + 2]:
+                ax.tick_params(labelbottom=row == len(states) - 1)
+                if row == len(states) - 1:
+                    ax.set_xlabel("x / mm")
+        axes[row][0].set_ylabel("y / mm")
+    every = [ax for line in axes for ax in line]
+    figure.colorbar(pressure, ax=every, location="right", shrink=0.9, pad=0.01, aspect=30,
+                    extend="max" if peak > limit else "neither").set_label("pressure / MPa")
+    figure.colorbar(ratio, ax=every, location="right", shrink=0.9, pad=0.01, aspect=30).set_label(
+        "slip ratio $|t|/(\\mu p)$   (grey: open)")
+
+
+# ----------------------------------------------------------------------------------------------------------- figures
+
+def history_figure(result):
+    """Sensors: the whole run and a detail."""
+    figure, axes = plt.subplots(2, 1, figsize=(8.0, 5.2), layout="constrained")
+    draw_history(axes[0], result)
+    draw_history(axes[1], result, zoom=True)
+    finish(figure, result)
+    return figure
+
+
+def interface_figure(result):
+    """Pressure and slip ratio of all interfaces and states."""
+    names = list(result.interfaces)
+    shape = result.interfaces[names[0]]
+    ratio = np.ptp(shape["y"]) / max(np.ptp(shape["x"]), 1e-30)
+    size = (4.8 * len(names) + 1.6, len(result.states) * (2.3 * min(max(ratio, 0.3), 2.0) + 0.45) + 0.5)
+    figure, axes = plt.subplots(len(result.states), 2 * len(names), figsize=size, layout="constrained", squeeze=False)
+    draw_maps(figure, axes, result, result.states, names)
+    finish(figure, result)
+    return figure
+
+
+def energy_figure(result):
+    """Contact counts, energies and balance error over time."""
+    panels = time_panels(result)
+    figure, axes = plt.subplots(len(panels), 1, figsize=(8.0, 2.5 * len(panels)), layout="constrained", squeeze=False)
+    for ax, draw in zip(axes[:, 0], panels):
+        draw(ax, result)
+    finish(figure, result)
+    return figure
+
+
+def time_panels(result):
+    """What can be drawn over time besides the sensors."""
+    panels = []
+    if all(key in result.contact for key, _, _ in STATES):
+        panels.append(draw_counts)
+    if any(key in result.energy for key, _, _, _ in ENERGIES):
+        panels.append(draw_energies)
+    if "balance_error" in result.energy:
+        panels.append(draw_balance)
+    return panels
+
+
+def overview_figure(result):
+    """Everything on one page of 1600 x 1100 pixels."""
+    figure = plt.figure(figsize=(11.43, 7.86), layout="constrained")
+    panels = time_panels(result) if result.time is not None else []
+    with_maps = bool(result.states)
+    parts = figure.subfigures(2, 1, height_ratios=[1.25, 1.0]) if with_maps and (panels or result.sensors) else [figure, figure]
+    if panels or result.sensors:
+        rows = parts[0].subfigures(2, 1) if panels and result.sensors else [parts[0], parts[0]]
+        if result.sensors:
+            left, right = rows[0].subplots(1, 2, width_ratios=[2, 1])
+            draw_history(left, result)
+            draw_history(right, result, zoom=True)
+        if panels:
+            for ax, draw in zip(np.atleast_1d(rows[1].subplots(1, len(panels))), panels):
+                draw(ax, result)
+    if with_maps:
+        names = list(result.interfaces)[:2]
+        axes = parts[1].subplots(len(result.states), 2 * len(names), squeeze=False)
+        draw_maps(parts[1], axes, result, result.states, names)
+    finish(figure, result)
+    return figure
+
+
+def finish(figure, result):
+    """The caption below all panels."""
+    if result.caption():
+        figure.supxlabel(result.caption(), fontsize=8.5, color="#444444")
+
+
+def draw_all(result, prefix):
+    """Draw what there is; the names of the files."""
+    figures = {}
+    with plt.rc_context(STYLE):
+        if result.sensors:
+            figures["history"] = history_figure(result)
+        if result.states:
+            figures["interface"] = interface_figure(result)
+        if result.time is not None and time_panels(result):
+            figures["energy"] = energy_figure(result)
+        figures["overview"] = overview_figure(result)
+        written = []
+        for name, figure in figures.items():
+            written.append(f"{prefix}_{name}.png")
+            figure.savefig(written[-1], dpi=140)
+    return written
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Draw the pictures of a microslip result file.")
+    parser.add_argument("result", metavar="RESULT.h5", help="result file of microslip")
+    parser.add_argument("--output", metavar="PREFIX",
+                        help="start of the names of the pictures (default: the file's name without .h5, in this folder)")
+    arguments = parser.parse_args()
+    prefix = arguments.output or os.path.splitext(os.path.basename(arguments.result))[0]
+    try:
+        written = draw_all(Result(arguments.result), prefix)
+    except WrongFile as fault:
+        print(f"plot_case.py: {fault}", file=sys.stderr)
+        return 2
+    except OSError as fault:
+        print(f"plot_case.py: cannot write the pictures: {fault}", file=sys.stderr)
+        return 2
+    print("\n".join(written))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,346 @@
+!> The result file, all but the time series (these are in `microslip_io_transient_results`): doc/results.md.
+!>
+!> Axes are dimension scales: /interface_K/x and y of all maps of interface K. A Fortran map (nx, ny) is [y, x] in
+!> other languages.
+module microslip_io_results
+   use, intrinsic :: iso_fortran_env, only: compiler_options, compiler_version
+   use microslip_analysis_linear_modes, only: linear_modes_t
+   use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_analysis_preload, only: preload_record_t
+   use microslip_contact_problem, only: count_states
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp, pi
+   use microslip_fe_reduced_model, only: reduced_model_t
+   use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
+   use microslip_io_hdf5, only: hdf5_file_t
+   use microslip_io_provenance, only: host_name, utc_now
+   use microslip_system_jointed_system, only: jointed_system_t
+   use microslip_system_pad, only: pad_t
+   implicit none(type, external)
+   private
+
+   public :: results_t, format_version
+
+   !> Changes when a script that reads result files has to.
+   integer, parameter :: format_version = 1
+
+   !> An open result file.
+   type :: results_t
+      type(hdf5_file_t) :: file
+   contains
+      procedure :: create
+      procedure :: write_provenance
+      procedure :: write_setup
+      procedure :: write_model
+      procedure :: write_interfaces
+      procedure :: write_preload
+      procedure :: write_linear_modes
+      procedure :: write_timing
+      procedure :: close => close_results
+   end type results_t
+
+   !> Write a dataset unless an earlier write failed: a sequence of these needs one look at `error`, at its end.
+   interface put
+      procedure :: put_real, put_reals, put_table, put_integer, put_integer_map, put_texts
+   end interface put
+
+contains
+
+   !> Start a new result file.
+   subroutine create(self, path, error)
+      class(results_t), intent(inout) :: self
+      !> Where to; a file that is there is replaced
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%file%create(path, error)
+   end subroutine create
+
+   !> Finish and close; harmless if the file is not open.
+   subroutine close_results(self, error)
+      class(results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%file%close(error)
+   end subroutine close_results
+
+   !> Who made this file, when, where and how: attributes of '/'.
+   subroutine write_provenance(self, version, commit, command_line, threads, error)
+      class(results_t), intent(in) :: self
+      !> Version of the program
+      character(len=*), intent(in) :: version
+      !> Commit of its source, '' if not known
+      character(len=*), intent(in) :: commit
+      !> As it was called
+      character(len=*), intent(in) :: command_line
+      !> Number of threads
+      integer, intent(in) :: threads
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: known_commit
+
+      known_commit = trim(commit)
+      if (known_commit == '') known_commit = 'unknown'
+      call self%file%set_attribute('/', 'program', 'microslip', error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'version', version, error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'format_version', format_version, error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'commit', known_commit, error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'compiler', compiler_version()//' '// &
+         & compiler_options(), error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'command line', command_line, error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'date', utc_now(), error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'host', host_name(), error)
+      if (.not. allocated(error)) call self%file%set_attribute('/', 'threads', threads, error)
+   end subroutine write_provenance
+
+   !> The case as it was given and as it was understood: /setup.
+   subroutine write_setup(self, input_text, resolved_text, error)
+      class(results_t), intent(in) :: self
+      !> Text of the case file
+      character(len=*), intent(in) :: input_text
+      !> Every key with the value that is used
+      character(len=*), intent(in) :: resolved_text
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%file%write('/setup/input', input_text, 'text of the case file', error)
+      if (.not. allocated(error)) call self%file%write('/setup/resolved', resolved_text, &
+         & 'every key with the value that was used', error)
+   end subroutine write_setup
+
+   !> Sizes, component modes and what the reduction cost: /model.
+   subroutine write_model(self, system, reduced, error)
+      class(results_t), intent(in) :: self
+      type(jointed_system_t), intent(in) :: system
+      !> Where the system comes from
+      type(reduced_model_t), intent(in) :: reduced
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (file => self%file, record => reduced%record)
+         call put(file, '/model/modes', system%n_modes, '1', 'retained component modes', error)
+         call put(file, '/model/boundary_coordinates', size(reduced%K_bb, 1), '1', &
+            & 'relative displacements of the interface nodes', error)
+         call put(file, '/model/grid_points', system%grid_point_count(), '1', 'points of all interface grids', error)
+         call put(file, '/model/contact_points', system%problem%n_points, '1', 'points in potential contact', error)
+         call put(file, '/model/tied_frequency', reduced%frequency, 'Hz', 'frequencies of the component modes', error)
+         call put(file, '/model/damping', system%damping, '1/s', 'viscous damping of the modal coordinates, 2 zeta omega', &
+            & error)
+         if (reduced%method == 'craig_bampton_massless') call put(file, '/model/modal_participation', &
+            & participation(reduced), 'sqrt(kg)', 'alpha [mode, boundary coordinate] of the massless boundary', error)
+         call put(file, '/model/reduction/method', [reduced%method], 'method of reduction', error)
+         call put(file, '/model/reduction/rows', record%rows, '1', 'rows of the finite-element matrices', error)
+         call put(file, '/model/reduction/factor_entries', real(record%factor_entries, wp), '1', &
+            & 'entries of the sparse factor', error)
+         call put(file, '/model/reduction/solves', record%solves, '1', 'solutions with the sparse factor', error)
+         call put(file, '/model/reduction/iterations', record%iterations, '1', 'blocks of the eigenvalue iteration', error)
+         call put(file, '/model/reduction/residual', record%residual, '1', 'relative residual of the component modes', error)
+         call put(file, '/model/reduction/seconds_schur', record%seconds_schur, 's', &
+            & 'wall time of the static condensation', error)
+         call put(file, '/model/reduction/seconds_modes', record%seconds_modes, 's', 'wall time of the modes', error)
+         call put(file, '/model/reduction/seconds', record%seconds, 's', 'wall time of the reduction', error)
+      end associate
+   end subroutine write_model
+
+   !> alpha^T = -K_bi Lambda^-1, (boundary, modes).
+   pure function participation(reduced) result(alpha)
+      type(reduced_model_t), intent(in) :: reduced
+      real(wp), allocatable :: alpha(:, :)
+      integer :: k
+
+      allocate (alpha, mold=reduced%K_bi)
+      do k = 1, size(alpha, 2)
+         alpha(:, k) = -reduced%K_bi(:, k)/(2.0_wp*pi*reduced%frequency(k))**2
+      end do
+   end function participation
+
+   !> Grids, surfaces and potential contact sets: /interface_K. May be called again when the sets have grown.
+   subroutine write_interfaces(self, system, error)
+      class(results_t), intent(in) :: self
+      type(jointed_system_t), intent(in) :: system
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      do k = 1, size(system%pads)
+         call write_interface(self%file, system%pads(k), '/'//interface_group(k), error)
+         if (allocated(error)) return
+      end do
+   end subroutine write_interfaces
+
+   !> One interface.
+   subroutine write_interface(file, pad, group, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(pad_t), intent(in) :: pad
+      character(len=*), intent(in) :: group
+      type(error_t), allocatable, intent(out) :: error
+      logical :: potential(pad%grid%point_count())
+
+      potential = .false.
+      potential(pad%potential) = .true.
+      call put(file, group//'/x', pad%grid%x, 'm', 'cell centres along t1', error)
+      call put(file, group//'/y', pad%grid%y, 'm', 'cell centres along t2', error)
+      call put(file, group//'/height', pad%grid%to_map(pad%height), 'm', &
+         & 'composite surface height, 0 at the highest point; NaN where there is no contact point', error)
+      call put(file, group//'/potential', unpack(merge(1, 0, potential), pad%grid%inside, 0), '1', &
+         & '1 for points in potential contact, 0 for the others', error)
+      call put(file, group//'/friction', pad%friction, '1', 'friction coefficient', error)
+      call put(file, group//'/origin', pad%contact%origin, 'm', 'point with x = y = 0 in the axes of the model', error)
+      call put(file, group//'/frame', pad%contact%frame, '1', &
+         & '[axis, component]: n (from body B to body A), t1 (x), t2 (y) in the axes of the model', error)
+      if (.not. allocated(error)) call file%set_attribute(group, 'name', pad%contact%name, error)
+      if (.not. allocated(error)) call file%make_scale(group//'/x', 'x', error)
+      if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
+      call attach_axes(file, group//'/height', group, error)
+      call attach_axes(file, group//'/potential', group, error)
+   end subroutine write_interface
+
+   !> x and y of an interface become the axes of a map.
+   subroutine attach_axes(file, path, group, error)
+      type(hdf5_file_t), intent(in) :: file
+      !> Dataset (nx, ny)
+      character(len=*), intent(in) :: path
+      !> Group of the interface
+      character(len=*), intent(in) :: group
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (.not. allocated(error)) call file%attach_scale(path, 1, group//'/x', error)
+      if (.not. allocated(error)) call file%attach_scale(path, 2, group//'/y', error)
+   end subroutine attach_axes
+
+   !> Equilibrium under the preload: /preload. The interfaces must have been written.
+   subroutine write_preload(self, system, state, record, load_names, error)
+      class(results_t), intent(in) :: self
+      type(jointed_system_t), intent(in) :: system
+      type(operating_state_t), intent(in) :: state
+      type(preload_record_t), intent(in) :: record
+      !> (loads) names of the system's loads
+      character(len=*), intent(in) :: load_names(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(field_maps_t), allocatable :: maps(:)
+      character(len=:), allocatable :: group, path
+      integer :: k, f
+
+      call write_preload_record(self%file, state, record, load_names, error)
+      maps = contact_fields(system, state%contact)
+      do k = 1, size(maps)
+         group = interface_group(k)
+         do f = 1, size(fields)
+            path = '/preload/'//group//'/'//trim(fields(f)%name)
+            call put(self%file, path, maps(k)%map(:, :, f), trim(fields(f)%units), trim(fields(f)%description), error)
+            call attach_axes(self%file, path, '/'//group, error)
+         end do
+      end do
+   end subroutine write_preload
+
+   !> The numbers of the preload.
+   subroutine write_preload_record(file, state, record, load_names, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(operating_state_t), intent(in) :: state
+      type(preload_record_t), intent(in) :: record
+      character(len=*), intent(in) :: load_names(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: counts(3)
+
+      counts = count_states(state%contact)
+      call put(file, '/preload/interface_force', record%interface_force, 'N', '[interface]: normal force', error)
+      call put(file, '/preload/load_name', load_names, 'names of the loads', error)
+      call put(file, '/preload/load_amplitude', state%amplitude, '1', '[load]: factor on the load pattern', error)
+      call put(file, '/preload/modal_displacement', state%modal, 'm sqrt(kg)', '[mode]: modal coordinates', error)
+      call put(file, '/preload/contact/open', counts(1), '1', 'open points of the potential contact set', error)
+      call put(file, '/preload/contact/stick', counts(2), '1', 'sticking points', error)
+      call put(file, '/preload/contact/slip', counts(3), '1', 'slipping points', error)
+      call put(file, '/preload/solves', record%solves, '1', 'contact solves', error)
+      call put(file, '/preload/iterations', record%iterations, '1', 'iterations of all contact solves', error)
+      call put(file, '/preload/residual', record%residual, '1', &
+         & 'largest violation of the contact laws over the largest contact force', error)
+      call put(file, '/preload/error_estimate', record%error_estimate, '1', &
+         & 'estimated error of the contact forces over the largest contact force', error)
+      call put(file, '/preload/force_deviation', record%force_deviation, '1', &
+         & 'largest relative deviation of an interface force from what was asked', error)
+      call put(file, '/preload/elastic_energy', record%elastic_energy, 'J', 'elastic energy of structure and contact', &
+         & error)
+      call put(file, '/preload/work', record%work, 'J', 'work of the loads', error)
+      call put(file, '/preload/friction_loss', record%friction_loss, 'J', 'work lost to friction', error)
+      call put(file, '/preload/balance_error', record%work - record%elastic_energy - record%friction_loss, 'J', &
+         & 'work less elastic energy and friction loss', error)
+   end subroutine write_preload_record
+
+   !> Modes with all closed points stuck: /linear_modes.
+   subroutine write_linear_modes(self, modes, error)
+      class(results_t), intent(in) :: self
+      type(linear_modes_t), intent(in) :: modes
+      type(error_t), allocatable, intent(out) :: error
+
+      call put(self%file, '/linear_modes/frequency', modes%frequency, 'Hz', &
+         & 'natural frequencies with all closed points stuck', error)
+      call put(self%file, '/linear_modes/shape', modes%shape, '1', &
+         & '[mode, modal coordinate]: mode shapes of unit modal mass', error)
+      call put(self%file, '/linear_modes/residual', modes%residual, '1', &
+         & 'largest residual of the eigenvalue problem over the largest eigenvalue', error)
+   end subroutine write_linear_modes
+
+   !> Where the time went: /timing.
+   subroutine write_timing(self, names, seconds, counts, error)
+      class(results_t), intent(in) :: self
+      !> (stages)
+      character(len=*), intent(in) :: names(:)
+      !> (stages) wall time, s
+      real(wp), intent(in), contiguous :: seconds(:)
+      !> (stages) steps, solves, ... done in a stage
+      integer, intent(in), contiguous :: counts(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call put(self%file, '/timing/stage', names, 'stages of the run', error)
+      call put(self%file, '/timing/seconds', seconds, 's', '[stage]: wall time', error)
+      if (.not. allocated(error)) call self%file%write('/timing/count', counts, '1', &
+         & '[stage]: steps, modes, points, ... done', error)
+   end subroutine write_timing
+
+   ! ------------------------------------------------------------------------------------------------- put
+
+   subroutine put_real(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      real(wp), intent(in) :: value
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_real
+
+   subroutine put_reals(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      real(wp), intent(in), contiguous :: value(:)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_reals
+
+   subroutine put_table(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      real(wp), intent(in), contiguous :: value(:, :)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_table
+
+   subroutine put_integer(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      integer, intent(in) :: value
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_integer
+
+   subroutine put_integer_map(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      integer, intent(in), contiguous :: value(:, :)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_integer_map
+
+   subroutine put_texts(file, path, value, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, description
+      character(len=*), intent(in) :: value(:)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, description, error)
+   end subroutine put_texts
+
+end module microslip_io_results

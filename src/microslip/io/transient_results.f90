@@ -1,0 +1,312 @@
+!> Time series of a time integration in the result file: /transient (doc/results.md).
+!>
+!> Samples are collected and appended in blocks; at least every ten seconds of wall time all of them reach the file, so
+!> that an interrupted run keeps its results. The snapshots' groups are made with the first snapshot.
+module microslip_io_transient_results
+   use microslip_analysis_transient, only: energy_t, sample_t, transient_record_t, transient_recorder_t
+   use microslip_contact_problem, only: contact_state_t
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
+   use microslip_io_hdf5, only: hdf5_file_t, series_t
+   use microslip_io_progress, only: progress_t, wall_clock
+   use microslip_io_results, only: results_t
+   use microslip_system_jointed_system, only: jointed_system_t
+   implicit none(type, external)
+   private
+
+   public :: transient_results_t
+
+   !> Samples that are appended together, and wall time after which all must be in the file, s.
+   integer, parameter :: block_size = 256
+   real(wp), parameter :: flush_interval = 10.0_wp
+
+   !> A series of one number per sample.
+   type :: column_t
+      character(len=13) :: name
+      character(len=60) :: description
+   end type column_t
+
+   !> In the order of `energy_values` and `contact_values`.
+   type(column_t), parameter :: energies(6) = [ &
+      & column_t('kinetic', 'kinetic energy'), &
+      & column_t('elastic', 'elastic energy less that at the start'), &
+      & column_t('external_work', 'work of the loads'), &
+      & column_t('viscous_loss', 'energy lost to viscous damping'), &
+      & column_t('friction_loss', 'energy lost to friction'), &
+      & column_t('balance_error', 'work less losses and change of energy')]
+   type(column_t), parameter :: contacts(5) = [ &
+      & column_t('open', 'open points of the potential contact set'), &
+      & column_t('stick', 'sticking points'), &
+      & column_t('slip', 'slipping points'), &
+      & column_t('iterations', 'iterations of the contact solver in this step'), &
+      & column_t('converged', '1 if the contact solver converged in this step, else 0')]
+
+   !> Recorder that writes into a result file.
+   type, extends(transient_recorder_t) :: transient_results_t
+      !> Started by the caller if a progress line is wanted
+      type(progress_t) :: line
+      !> The open result file (a copy of its handle)
+      type(hdf5_file_t), private :: file
+      type(series_t), private :: time, sensor, modal, energy(size(energies)), contact(size(contacts)), residual
+      type(series_t), private :: snapshot_time
+      !> (fields, interfaces)
+      type(series_t), allocatable, private :: snapshots(:, :)
+      !> Samples that are not yet in the file
+      type(sample_t), private :: pending(block_size)
+      integer, private :: n_pending = 0
+      real(wp), private :: flushed_at = 0.0_wp
+      !> Last sample, for the end of the progress line
+      type(sample_t), private :: last
+   contains
+      procedure :: create
+      procedure :: record
+      procedure :: snapshot
+      procedure :: progress
+      procedure :: write_summary
+      procedure :: close => close_transient
+   end type transient_results_t
+
+contains
+
+   !> Make the series.
+   subroutine create(self, results, system, sensor_names, error)
+      class(transient_results_t), intent(inout) :: self
+      !> Open result file with its interfaces written; it must stay open until `close`
+      type(results_t), intent(in) :: results
+      type(jointed_system_t), intent(in) :: system
+      !> (sensors)
+      character(len=*), intent(in) :: sensor_names(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      self%file = results%file
+      self%flushed_at = wall_clock()
+      call self%file%write('/transient/sensor_name', sensor_names, 'names of the sensors', error)
+      if (.not. allocated(error)) call self%time%create(self%file, '/transient/time', [integer ::], 's', 'time', error)
+      if (.not. allocated(error)) call self%file%make_scale('/transient/time', 'time', error)
+      call add_series(self, self%sensor, '/transient/sensor', [size(sensor_names)], 'm', &
+         & '[time, sensor]: displacement at the sensors', error)
+      call add_series(self, self%modal, '/transient/modal_displacement', [system%n_modes], 'm sqrt(kg)', &
+         & '[time, mode]: modal coordinates', error)
+      do k = 1, size(energies)
+         call add_series(self, self%energy(k), '/transient/energy/'//trim(energies(k)%name), [integer ::], 'J', &
+            & trim(energies(k)%description), error)
+      end do
+      do k = 1, size(contacts)
+         call add_series(self, self%contact(k), '/transient/contact/'//trim(contacts(k)%name), [integer ::], '1', &
+            & trim(contacts(k)%description), error, integers=.true.)
+      end do
+      call add_series(self, self%residual, '/transient/contact/residual', [integer ::], '1', &
+         & 'largest violation of the contact laws over the largest contact force', error)
+   end subroutine create
+
+   !> Make a series over /transient/time, unless an earlier one failed.
+   subroutine add_series(self, series, path, leading, units, description, error, integers)
+      class(transient_results_t), intent(in) :: self
+      type(series_t), intent(inout) :: series
+      character(len=*), intent(in) :: path, units, description
+      integer, intent(in) :: leading(:)
+      type(error_t), allocatable, intent(inout) :: error
+      logical, intent(in), optional :: integers
+
+      if (.not. allocated(error)) call series%create(self%file, path, leading, units, description, error, integers)
+      if (.not. allocated(error)) call self%file%attach_scale(path, size(leading) + 1, '/transient/time', error)
+   end subroutine add_series
+
+   !> Take samples.
+   subroutine record(self, samples, error)
+      class(transient_results_t), intent(inout) :: self
+      !> In order of time
+      type(sample_t), intent(in) :: samples(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      do k = 1, size(samples)
+         self%n_pending = self%n_pending + 1
+         self%pending(self%n_pending) = samples(k)
+         self%last = samples(k)
+         if (self%n_pending == block_size) call append_pending(self, error)
+         if (allocated(error)) return
+      end do
+      if (wall_clock() - self%flushed_at >= flush_interval) call flush_all(self, error)
+   end subroutine record
+
+   !> Append the collected samples to their series.
+   subroutine append_pending(self, error)
+      class(transient_results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: energy(self%n_pending, size(energies))
+      integer :: contact(self%n_pending, size(contacts))
+      integer :: k, n
+
+      n = self%n_pending
+      self%n_pending = 0
+      if (n == 0) return
+      associate (samples => self%pending(:n))
+         call self%time%append([(samples(k)%time, k=1, n)], error)
+         if (.not. allocated(error)) call self%sensor%append( &
+            & reshape([(samples(k)%sensor, k=1, n)], [size(samples(1)%sensor), n]), error)
+         if (.not. allocated(error)) call self%modal%append( &
+            & reshape([(samples(k)%modal, k=1, n)], [size(samples(1)%modal), n]), error)
+         if (.not. allocated(error)) call self%residual%append([(samples(k)%residual, k=1, n)], error)
+         do k = 1, n
+            energy(k, :) = energy_values(samples(k)%energy)
+            contact(k, :) = contact_values(samples(k))
+         end do
+      end associate
+      do k = 1, size(energies)
+         if (.not. allocated(error)) call self%energy(k)%append(energy(:, k), error)
+      end do
+      do k = 1, size(contacts)
+         if (.not. allocated(error)) call self%contact(k)%append(contact(:, k), error)
+      end do
+   end subroutine append_pending
+
+   !> The energies in the order of their series.
+   pure function energy_values(energy) result(values)
+      type(energy_t), intent(in) :: energy
+      real(wp) :: values(size(energies))
+      values = [energy%kinetic, energy%elastic, energy%external_work, energy%viscous_loss, energy%friction_loss, &
+         & energy%balance_error]
+   end function energy_values
+
+   !> What is told of the contact, in the order of its series.
+   pure function contact_values(sample) result(values)
+      type(sample_t), intent(in) :: sample
+      integer :: values(size(contacts))
+      values = [sample%counts, sample%iterations, merge(1, 0, sample%converged)]
+   end function contact_values
+
+   !> Bring everything into the file.
+   subroutine flush_all(self, error)
+      class(transient_results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+
+      call append_pending(self, error)
+      if (.not. allocated(error)) call self%file%flush(error)
+      self%flushed_at = wall_clock()
+   end subroutine flush_all
+
+   !> Take the contact fields.
+   subroutine snapshot(self, system, time, contact, error)
+      class(transient_results_t), intent(inout) :: self
+      type(jointed_system_t), intent(in) :: system
+      !> s
+      real(wp), intent(in) :: time
+      type(contact_state_t), intent(in) :: contact
+      type(error_t), allocatable, intent(out) :: error
+      type(field_maps_t), allocatable :: maps(:)
+      integer :: k, f
+
+      if (.not. allocated(self%snapshots)) call create_snapshots(self, system, error)
+      if (.not. allocated(error)) call self%snapshot_time%append([time], error)
+      maps = contact_fields(system, contact)
+      do k = 1, size(maps)
+         do f = 1, size(fields)
+            if (allocated(error)) return
+            call self%snapshots(f, k)%append(reshape(maps(k)%map(:, :, f), [shape(maps(k)%map(:, :, f)), 1]), error)
+         end do
+      end do
+   end subroutine snapshot
+
+   !> Make the series of the snapshots.
+   subroutine create_snapshots(self, system, error)
+      class(transient_results_t), intent(inout) :: self
+      type(jointed_system_t), intent(in) :: system
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: axis = '/transient/snapshot/time'
+      character(len=:), allocatable :: group, path
+      integer :: k, f
+
+      allocate (self%snapshots(size(fields), size(system%pads)))
+      call self%snapshot_time%create(self%file, axis, [integer ::], 's', 'times of the snapshots', error)
+      if (.not. allocated(error)) call self%file%make_scale(axis, 'time', error)
+      do k = 1, size(system%pads)
+         group = interface_group(k)
+         do f = 1, size(fields)
+            path = '/transient/snapshot/'//group//'/'//trim(fields(f)%name)
+            if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
+               & shape(system%pads(k)%grid%inside), trim(fields(f)%units), &
+               & '[snapshot, y, x]: '//trim(fields(f)%description), error)
+            if (.not. allocated(error)) call self%file%attach_scale(path, 1, '/'//group//'/x', error)
+            if (.not. allocated(error)) call self%file%attach_scale(path, 2, '/'//group//'/y', error)
+            if (.not. allocated(error)) call self%file%attach_scale(path, 3, axis, error)
+         end do
+      end do
+   end subroutine create_snapshots
+
+   !> Pass on how far the run is.
+   subroutine progress(self, time, counts)
+      class(transient_results_t), intent(inout) :: self
+      !> s
+      real(wp), intent(in) :: time
+      !> Points that are open, stick, slip
+      integer, intent(in) :: counts(3)
+
+      call self%line%update(time, counts)
+   end subroutine progress
+
+   !> How the run went, as single numbers in /transient.
+   subroutine write_summary(self, record, error)
+      class(transient_results_t), intent(in) :: self
+      type(transient_record_t), intent(in) :: record
+      type(error_t), allocatable, intent(out) :: error
+
+      call whole('steps', record%steps, 'time steps done')
+      call whole('iterations', record%iterations, 'iterations of the contact solver in all steps')
+      call whole('rescues', record%rescues, 'rescues of the contact solver in all steps')
+      call whole('set_changes', record%set_changes, 'points that joined or left the base set of the contact solver')
+      call whole('unconverged_steps', record%unconverged, 'steps whose contact solve did not converge')
+      call whole('points_added', record%points_added, 'points that joined the potential contact set')
+      call part('largest_residual', record%residual, 'largest violation of the contact laws over the contact force')
+      call part('largest_error_estimate', record%error_estimate, 'largest estimated error over the contact force')
+      call part('largest_balance_error', record%balance_error, &
+         & 'largest energy balance error over the largest kinetic energy')
+
+   contains
+
+      subroutine whole(name, value, description)
+         character(len=*), intent(in) :: name, description
+         integer, intent(in) :: value
+         if (.not. allocated(error)) call self%file%write('/transient/'//name, value, '1', description, error)
+      end subroutine whole
+
+      subroutine part(name, value, description)
+         character(len=*), intent(in) :: name, description
+         real(wp), intent(in) :: value
+         if (.not. allocated(error)) call self%file%write('/transient/'//name, value, '1', description, error)
+      end subroutine part
+
+   end subroutine write_summary
+
+   !> Write what is pending, close the series, end the progress line; also after a failed run.
+   subroutine close_transient(self, error)
+      class(transient_results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+      type(error_t), allocatable :: ignored
+      integer :: k, f
+
+      call self%line%finish(self%last%time, self%last%counts)
+      if (.not. self%file%is_open()) return
+      call flush_all(self, error)
+      call self%time%close(ignored)
+      call self%sensor%close(ignored)
+      call self%modal%close(ignored)
+      call self%residual%close(ignored)
+      do k = 1, size(energies)
+         call self%energy(k)%close(ignored)
+      end do
+      do k = 1, size(contacts)
+         call self%contact(k)%close(ignored)
+      end do
+      if (.not. allocated(self%snapshots)) return
+      call self%snapshot_time%close(ignored)
+      do k = 1, size(self%snapshots, 2)
+         do f = 1, size(fields)
+            call self%snapshots(f, k)%close(ignored)
+         end do
+      end do
+   end subroutine close_transient
+
+end module microslip_io_transient_results
