@@ -61,7 +61,7 @@ contains
       real(wp), allocatable :: height(:)
       real(wp), parameter :: overhang = 1.0e-6_wp
 
-      call interface_from_sets(two_blocks('C3D8I', [5, 3, 1], hole=.true.), merge('left ', 'right', which == 1), &
+      call interface_from_sets(two_blocks('C3D8I', [5, 3, 1], hole=.true.), trim(merge('left ', 'right', which == 1)), &
          & 'top_pad', 'bottom_pad', contact, error=error)
       if (.not. allocated(error)) call new_grid(grid, -0.5_wp*pad_size, 0.5_wp*pad_size, nx, ny, error)
       if (.not. allocated(error)) call new_grid(grid, -0.5_wp*pad_size, 0.5_wp*pad_size, nx, ny, error, &

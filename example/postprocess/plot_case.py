@@ -4,7 +4,7 @@
     plot_case.py RESULT.h5 [--output PREFIX]
 
 writes PREFIX_history.png (sensors), PREFIX_interface.png (pressure and slip ratio), PREFIX_energy.png (contact counts,
-energies, balance error) and PREFIX_overview.png (all of these in one). What the file does not hold is not drawn; files of
+energies, balance error) and PREFIX_overview.png (these in one). What the file does not hold is not drawn; files of
 runs that still go on or were interrupted are fine. Needs h5py, numpy and matplotlib.
 """
 import argparse
@@ -17,15 +17,13 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.ticker  # noqa: E402
 
 # Distinguishable with all common colour deficiencies (Okabe and Ito).
-BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#777777"
+BLUE, ORANGE, GREEN, RED, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"
 COLOURS = [BLUE, RED, GREEN, PURPLE, ORANGE]
 NO_CONTACT = "#e4e4e4"
-ENERGIES = [("external_work", "work of the loads", "black", "-"), ("kinetic", "kinetic", BLUE, "-"),
-            ("elastic", "elastic", GREEN, "-"), ("viscous_loss", "viscous loss", ORANGE, "-"),
-            ("friction_loss", "friction loss", RED, "-")]
-STATES = [("stick", "stick", BLUE), ("slip", "slip", RED), ("open", "open", GREY)]
+STATES = [("stick", BLUE), ("slip", RED), ("open", "#c4c4c4")]
 STYLE = {"font.size": 9, "axes.titlesize": 9, "axes.labelsize": 9, "legend.fontsize": 8, "legend.frameon": False,
          "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "#e8e8e8",
          "grid.linewidth": 0.6, "axes.axisbelow": True, "lines.linewidth": 0.9, "agg.path.chunksize": 20000}
@@ -47,7 +45,7 @@ class Result:
                 if (program.decode() if isinstance(program, bytes) else program) != "microslip":
                     raise WrongFile(f"{path}: not a result file of microslip (no attribute program = 'microslip')")
                 self.read(file)
-        except (OSError, RuntimeError) as fault:
+        except (OSError, RuntimeError, KeyError) as fault:
             raise WrongFile(f"{path}: cannot be read as HDF5 ({fault})") from fault
         if self.time is None and not self.states:
             raise WrongFile(f"{path}: holds neither a preload nor a time series, nothing to draw")
@@ -158,62 +156,71 @@ def draw_history(ax, result, zoom=False):
     ax.set_title("sensors, from the preloaded state" if not zoom else "detail", loc="left")
     ax.margins(x=0)
     if not zoom:
-        ax.legend(loc="upper right", ncols=4)
+        legend_above(ax)
 
 
 def zoom_range(result):
-    """About ten periods of the lowest linear mode, or a tenth of the run, from just before the largest displacement."""
+    """Five periods of the lowest linear mode, or a tenth of the run, from just before the largest displacement."""
     length = 0.1 * result.time[-1]
     if result.frequency is not None and len(result.frequency) and result.frequency[0] > 0:
-        length = min(10.0 / result.frequency[0], result.time[-1])
+        length = min(5.0 / result.frequency[0], result.time[-1])
     peak = result.time[np.argmax(np.max(np.abs(np.array(list(result.sensors.values()))), axis=0))]
     start = max(0.0, min(peak - 0.1 * length, result.time[-1] - length))
     return slice(*np.searchsorted(result.time, [start, start + length]))
 
 
+def legend_above(ax):
+    """The legend on the line of the title."""
+    handles, names = ax.get_legend_handles_labels()
+    ax.legend(handles, names, loc="lower right", ncols=len(names), bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1,
+              columnspacing=1.0, handlelength=1.1, handletextpad=0.5)
+
+
 def draw_counts(ax, result):
-    """Contact states over time, as shares of the area in potential contact."""
+    """Contact states over time, stacked to the number of points in potential contact."""
     time, label = time_axis(result)
-    counts = [(result.contact[key], name, colour) for key, name, colour in STATES if key in result.contact]
-    ax.stackplot(time, *[c for c, _, _ in counts], labels=[n for _, n, _ in counts], colors=[c for _, _, c in counts],
-                 alpha=0.75, linewidth=0)
+    ax.stackplot(time, *[result.contact[key] for key, _ in STATES], labels=[key for key, _ in STATES],
+                 colors=[colour for _, colour in STATES], alpha=0.8, linewidth=0)
     if "converged" in result.contact and np.any(result.contact["converged"] == 0):
         failed = time[result.contact["converged"] == 0]
-        ax.plot(failed, np.zeros_like(failed), "k|", label=f"not converged ({len(failed)} samples)", clip_on=False)
+        ax.plot(failed, np.zeros_like(failed), "k|", label=f"{len(failed)} not converged", clip_on=False)
     ax.set_xlabel(label)
     ax.set_ylabel("contact points")
     ax.set_title("contact", loc="left")
     ax.margins(0)
-    handles, names = ax.get_legend_handles_labels()
-    ax.legend(handles, names, loc="lower right", ncols=4, bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1, handlelength=1.2)
+    legend_above(ax)
 
 
 def draw_energies(ax, result):
-    """Where the energy is and where it went."""
+    """Where the work of the loads went: stored (kinetic and elastic), lost to damping, lost to friction."""
     time, label = time_axis(result)
-    factor, unit = scaled(largest_of(result.energy.values()), "J")
-    for key, name, colour, line in ENERGIES:
-        if key in result.energy:
-            ax.plot(time, result.energy[key] * factor, line, color=colour, label=name)
+    energy = result.energy
+    factor, unit = scaled(largest_of(energy.values()), "J")
+    parts = [energy["kinetic"] + energy["elastic"], energy["viscous_loss"], energy["friction_loss"]]
+    ax.stackplot(time, *[part * factor for part in parts], labels=["stored", "damping", "friction"],
+                 colors=[BLUE, ORANGE, RED], alpha=0.8, linewidth=0)
+    ax.plot(time, energy["external_work"] * factor, color="black", label="work")
     ax.set_xlabel(label)
     ax.set_ylabel(f"energy / {unit}")
     ax.set_title("energy", loc="left")
     ax.margins(x=0)
-    ax.legend(loc="lower right", ncols=5, bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1, columnspacing=1.0, handlelength=1.2)
+    legend_above(ax)
 
 
 def draw_balance(ax, result):
-    """Error of the energy balance over the largest work of the loads."""
+    """Error of the energy balance over the largest work of the loads; its first digits only: it starts at zero."""
     time, label = time_axis(result)
     error = np.abs(result.energy["balance_error"])
-    largest = largest_of([result.energy["external_work"]]) if "external_work" in result.energy else 0.0
-    reference = "work of the loads" if largest > 0 else "1 J"
-    ratio = error / (largest if largest > 0 else 1.0)
-    ax.semilogy(time, np.where(ratio > 0, ratio, np.nan), color="black", linewidth=0.7)
+    work = largest_of([result.energy["external_work"]])
+    error = error / work if work > 0 else error
+    peak = largest_of([error])
+    ax.semilogy(time, np.where(error > 0, error, np.nan), color="black", linewidth=0.7)
+    if peak > 0:
+        ax.set_ylim(max(1e-5 * peak, 0.5 * np.min(error[error > 0])), 3.0 * peak)
     ax.set_xlabel(label)
-    ax.set_ylabel(f"|balance error| / {reference}")
+    ax.set_ylabel("error / work of loads" if work > 0 else "error / J")
     ax.set_title("energy balance error", loc="left")
-    ax.margins(x=0)
+    ax.set_xlim(time[0], time[-1])
 
 
 def draw_map(ax, interface, values, cmap, limit):
@@ -229,6 +236,7 @@ def draw_map(ax, interface, values, cmap, limit):
     for side in ax.spines.values():
         side.set_visible(False)
     ax.tick_params(length=2, labelsize=8)
+    ax.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 5, 10], prune="both"))
     return image
 
 
@@ -243,25 +251,25 @@ def draw_maps(figure, axes, result, states, names):
     # One overloaded corner must not hide the rest.
     values = np.concatenate([c[np.isfinite(c)] for c in closed.values()])
     limit = max(np.percentile(values, 99.5), 0.5 * peak) if len(values) else 1.0
-    # Contact pressures are read in MPa whatever their size.
     for row, (title, fields) in enumerate(states):
         for k, name in enumerate(names):
             interface = result.interfaces[name]
-            pressure = draw_map(axes[row][2 * k], interface, closed[id(fields[name]["pressure"])] * 1e-6, "viridis", limit * 1e-6)
-            ratio = draw_map(axes[row][2 * k + 1], interface, fields[name]["slip_ratio"], "inferno_r", 1.0)
-            axes[row][2 * k].set_title(f"{interface['label']}, {title}: pressure", loc="left")
-            axes[row][2 * k + 1].set_title("slip ratio", loc="left")
-            axes[row][2 * k + 1].tick_params(labelleft=False)
-            for ax in axes[row][2 * k:2 * k + 2]:
-                ax.tick_params(labelbottom=row == len(states) - 1)
+            left, right = axes[row][2 * k:2 * k + 2]
+            pressure = draw_map(left, interface, closed[id(fields[name]["pressure"])] * 1e-6, "viridis", limit * 1e-6)
+            ratio = draw_map(right, interface, fields[name]["slip_ratio"], "inferno_r", 1.0)
+            if row == 0:
+                left.set_title(f"{interface['label']}: pressure", loc="left")
+                right.set_title(f"{interface['label']}: slip ratio", loc="left")
+            for ax in (left, right):
+                ax.tick_params(labelbottom=row == len(states) - 1, labelleft=ax is axes[row][0])
                 if row == len(states) - 1:
                     ax.set_xlabel("x / mm")
-        axes[row][0].set_ylabel("y / mm")
+        axes[row][0].set_ylabel(f"{title}\ny / mm")
     every = [ax for line in axes for ax in line]
+    figure.colorbar(ratio, ax=every, location="right", shrink=0.9, pad=0.01, aspect=30).set_label(
+        "slip ratio  $|t|/(\\mu p)$,  grey: open")
     figure.colorbar(pressure, ax=every, location="right", shrink=0.9, pad=0.01, aspect=30,
                     extend="max" if peak > limit else "neither").set_label("pressure / MPa")
-    figure.colorbar(ratio, ax=every, location="right", shrink=0.9, pad=0.01, aspect=30).set_label(
-        "slip ratio $|t|/(\\mu p)$   (grey: open)")
 
 
 # ----------------------------------------------------------------------------------------------------------- figures
@@ -280,7 +288,7 @@ def interface_figure(result):
     names = list(result.interfaces)
     shape = result.interfaces[names[0]]
     ratio = np.ptp(shape["y"]) / max(np.ptp(shape["x"]), 1e-30)
-    size = (4.8 * len(names) + 1.6, len(result.states) * (2.3 * min(max(ratio, 0.3), 2.0) + 0.45) + 0.5)
+    size = (4.8 * len(names) + 1.8, len(result.states) * (2.25 * min(max(ratio, 0.3), 2.0) + 0.12) + 0.9)
     figure, axes = plt.subplots(len(result.states), 2 * len(names), figsize=size, layout="constrained", squeeze=False)
     draw_maps(figure, axes, result, result.states, names)
     finish(figure, result)
@@ -300,12 +308,10 @@ def energy_figure(result):
 def time_panels(result):
     """What can be drawn over time besides the sensors."""
     panels = []
-    if all(key in result.contact for key, _, _ in STATES):
+    if all(key in result.contact for key, _ in STATES):
         panels.append(draw_counts)
-    if any(key in result.energy for key, _, _, _ in ENERGIES):
-        panels.append(draw_energies)
-    if "balance_error" in result.energy:
-        panels.append(draw_balance)
+    if all(key in result.energy for key in ("kinetic", "elastic", "external_work", "viscous_loss", "friction_loss")):
+        panels += [draw_energies, draw_balance] if "balance_error" in result.energy else [draw_energies]
     return panels
 
 
@@ -314,16 +320,17 @@ def overview_figure(result):
     figure = plt.figure(figsize=(11.43, 7.86), layout="constrained")
     panels = time_panels(result) if result.time is not None else []
     with_maps = bool(result.states)
-    parts = figure.subfigures(2, 1, height_ratios=[1.25, 1.0]) if with_maps and (panels or result.sensors) else [figure, figure]
-    if panels or result.sensors:
-        rows = parts[0].subfigures(2, 1) if panels and result.sensors else [parts[0], parts[0]]
-        if result.sensors:
-            left, right = rows[0].subplots(1, 2, width_ratios=[2, 1])
-            draw_history(left, result)
-            draw_history(right, result, zoom=True)
-        if panels:
-            for ax, draw in zip(np.atleast_1d(rows[1].subplots(1, len(panels))), panels):
-                draw(ax, result)
+    heights = [1.25 if len(result.states) > 1 else 2.2, 1.0]
+    parts = figure.subfigures(2, 1, height_ratios=heights) if with_maps else [figure]
+    rows = parts[0].subfigures(2, 1) if panels and result.sensors else [parts[0], parts[0]]
+    if result.sensors:
+        left, right = rows[0].subplots(1, 2, width_ratios=[2, 1])
+        draw_history(left, result)
+        draw_history(right, result, zoom=True)
+    if panels:
+        widths = [1.15, 1.35, 1.0][:len(panels)]
+        for ax, draw in zip(np.atleast_1d(rows[1].subplots(1, len(panels), width_ratios=widths)), panels):
+            draw(ax, result)
     if with_maps:
         names = list(result.interfaces)[:2]
         axes = parts[1].subplots(len(result.states), 2 * len(names), squeeze=False)
@@ -333,7 +340,8 @@ def overview_figure(result):
 
 
 def finish(figure, result):
-    """The caption below all panels."""
+    """The caption below all panels, and some air."""
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)
     if result.caption():
         figure.supxlabel(result.caption(), fontsize=8.5, color="#444444")
 
@@ -348,11 +356,12 @@ def draw_all(result, prefix):
             figures["interface"] = interface_figure(result)
         if result.time is not None and time_panels(result):
             figures["energy"] = energy_figure(result)
-        figures["overview"] = overview_figure(result)
+        if len(figures) > 1:
+            figures["overview"] = overview_figure(result)
         written = []
         for name, figure in figures.items():
             written.append(f"{prefix}_{name}.png")
-            figure.savefig(written[-1], dpi=140)
+            figure.savefig(written[-1], dpi=140, pil_kwargs={"optimize": True})
     return written
 
 
