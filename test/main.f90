@@ -2,15 +2,71 @@
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit
    use test_contact_solvers, only: collect_contact_solvers
-   use testdrive, only: run_testsuite, run_selected, new_testsuite, testsuite_type, select_suite, get_argument
+   use test_fe_condensation, only: collect_fe_condensation
+   use test_fe_element, only: collect_fe_element
+   use test_fe_face_location, only: collect_fe_face_location
+   use test_fe_interface, only: collect_fe_interface
+   use test_fe_load_pattern, only: collect_fe_load_pattern
+   use test_fe_pairing, only: collect_fe_pairing
+   use test_fe_shape_functions, only: collect_fe_shape_functions
+   use test_halfspace_compliance, only: collect_halfspace_compliance
+   use test_halfspace_convolution, only: collect_halfspace_convolution
+   use test_halfspace_coupling, only: collect_halfspace_coupling
+   use test_halfspace_grid, only: collect_halfspace_grid
+   use test_halfspace_love_cerruti, only: collect_halfspace_love_cerruti
+   use test_io_calculix, only: collect_io_calculix
+   use test_io_case_faults, only: collect_io_case_faults
+   use test_io_case_file, only: collect_io_case_file
+   use test_io_hdf5, only: collect_io_hdf5
+   use test_io_mesh_file, only: collect_io_mesh_file
+   use test_io_model_file, only: collect_io_model_file
+   use test_io_namelist_text, only: collect_io_namelist_text
+   use test_io_progress, only: collect_io_progress
+   use test_io_results, only: collect_io_results
+   use test_io_topography_file, only: collect_io_topography_file
+   use test_surface_height_map, only: collect_surface_height_map
+   use test_surface_topography, only: collect_surface_topography
+   use microslip_cli_blas_kernel, only: ensure_fast_blas
+   use testdrive, only: run_testsuite, run_selected, new_testsuite, testsuite_type, unittest_type, select_suite, &
+      & get_argument
    implicit none(type, external)
    type(testsuite_type), allocatable :: suites(:)
-   character(len=:), allocatable :: suite, test
-   integer :: k, failed
+   type(unittest_type), allocatable :: tests(:)
+   character(len=:), allocatable :: suite, test, warning
+   integer :: k, total, failed
 
-   suites = [new_testsuite('contact_solvers', collect_contact_solvers)]
+   call ensure_fast_blas(warning)
+   if (warning /= '') write (error_unit, '(a)') warning
+
+   suites = [ &
+      & new_testsuite('contact_solvers', collect_contact_solvers), &
+      & new_testsuite('fe_condensation', collect_fe_condensation), &
+      & new_testsuite('fe_element', collect_fe_element), &
+      & new_testsuite('fe_face_location', collect_fe_face_location), &
+      & new_testsuite('fe_interface', collect_fe_interface), &
+      & new_testsuite('fe_load_pattern', collect_fe_load_pattern), &
+      & new_testsuite('fe_pairing', collect_fe_pairing), &
+      & new_testsuite('fe_shape_functions', collect_fe_shape_functions), &
+      & new_testsuite('halfspace_compliance', collect_halfspace_compliance), &
+      & new_testsuite('halfspace_convolution', collect_halfspace_convolution), &
+      & new_testsuite('halfspace_coupling', collect_halfspace_coupling), &
+      & new_testsuite('halfspace_grid', collect_halfspace_grid), &
+      & new_testsuite('halfspace_love_cerruti', collect_halfspace_love_cerruti), &
+      & new_testsuite('io_calculix', collect_io_calculix), &
+      & new_testsuite('io_case_faults', collect_io_case_faults), &
+      & new_testsuite('io_case_file', collect_io_case_file), &
+      & new_testsuite('io_hdf5', collect_io_hdf5), &
+      & new_testsuite('io_mesh_file', collect_io_mesh_file), &
+      & new_testsuite('io_model_file', collect_io_model_file), &
+      & new_testsuite('io_namelist_text', collect_io_namelist_text), &
+      & new_testsuite('io_progress', collect_io_progress), &
+      & new_testsuite('io_results', collect_io_results), &
+      & new_testsuite('io_topography_file', collect_io_topography_file), &
+      & new_testsuite('surface_height_map', collect_surface_height_map), &
+      & new_testsuite('surface_topography', collect_surface_topography)]
 
    failed = 0
+   total = 0
    call get_argument(1, suite)
    call get_argument(2, test)
    if (allocated(suite)) then
@@ -20,18 +76,29 @@ program main
          error stop
       end if
       if (allocated(test)) then
+         total = 1
          call run_selected(suites(k)%collect, test, error_unit, failed)
       else
-         call run_testsuite(suites(k)%collect, error_unit, failed, parallel=.false.)
+         call run_suite(suites(k))
       end if
    else
       do k = 1, size(suites)
-         write (error_unit, '(2a)') '# ', suites(k)%name
-         call run_testsuite(suites(k)%collect, error_unit, failed, parallel=.false.)
+         call run_suite(suites(k))
       end do
    end if
-   if (failed > 0) then
-      write (error_unit, '(i0,a)') failed, ' test(s) failed'
-      error stop
-   end if
+   write (error_unit, '(i0,a,i0,a)') total - failed, ' passed, ', failed, ' failed'
+   if (failed > 0) stop 1, quiet=.true.
+
+contains
+
+   !> All tests of a suite, one after the other: HDF5, MUMPS and FFTW plans are not thread-safe.
+   subroutine run_suite(suite)
+      type(testsuite_type), intent(in) :: suite
+
+      write (error_unit, '(2a)') '# ', suite%name
+      call suite%collect(tests)
+      total = total + size(tests)
+      call run_testsuite(suite%collect, error_unit, failed, parallel=.false.)
+   end subroutine run_suite
+
 end program main

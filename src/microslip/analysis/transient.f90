@@ -112,7 +112,7 @@ module microslip_analysis_transient
       integer :: unconverged = 0
       !> Largest residual and error estimate of a step, over the largest contact force
       real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
-      !> Largest energy balance error over the largest energy put in by the excitation
+      !> Largest energy balance error over the largest kinetic energy
       real(wp) :: balance_error = 0.0_wp
       !> Points that joined the potential contact set on the way
       integer :: points_added = 0
@@ -128,7 +128,7 @@ module microslip_analysis_transient
       real(wp), allocatable :: contact_force(:)
       type(contact_state_t) :: contact
       type(energy_t) :: energy
-      real(wp) :: initial_energy = 0.0_wp, largest_input = 0.0_wp
+      real(wp) :: initial_energy = 0.0_wp, largest_kinetic = 0.0_wp, largest_error = 0.0_wp
    end type motion_t
 
 contains
@@ -176,6 +176,7 @@ contains
          if (allocated(error)) return
       end do
       record%steps = motion%step
+      if (motion%largest_kinetic > 0.0_wp) record%balance_error = motion%largest_error/motion%largest_kinetic
       if (allocated(error)) call keep_results(recorder, samples)
    end subroutine run_transient
 
@@ -302,8 +303,7 @@ contains
          record%residual = max(record%residual, solved%residual)
          record%error_estimate = max(record%error_estimate, solved%error_estimate)
          if (.not. solved%converged) record%unconverged = record%unconverged + 1
-         record%balance_error = max(record%balance_error, &
-            & abs(motion%energy%balance_error)/max(motion%largest_input, tiny(1.0_wp)))
+         motion%largest_error = max(motion%largest_error, abs(motion%energy%balance_error))
          if (.not. all(abs(motion%d) < huge(1.0_wp))) then
             call failure(error, 'transient: the motion is no longer finite at '// &
                & to_text(motion%step*options%time_step)//' s')
@@ -350,7 +350,7 @@ contains
             & 0.5_wp*system%damping*(old_velocity + 0.5_wp*(motion%v_before + motion%v_after)))
          e%friction_loss = e%friction_loss - sum(motion%contact%force(2:3, :)*slip)
          e%balance_error = e%external_work - e%viscous_loss - e%friction_loss - (e%kinetic + e%elastic)
-         motion%largest_input = max(motion%largest_input, e%kinetic)
+         motion%largest_kinetic = max(motion%largest_kinetic, e%kinetic)
       end associate
    end subroutine take_step
 

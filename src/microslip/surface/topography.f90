@@ -54,14 +54,13 @@ module microslip_surface_topography
       procedure :: evaluate => evaluate_flat
    end type flat_t
 
-   !> A synthetic, smooth hill (not a measured surface): the product of two raised cosines,
+   !> A synthetic, smooth hill (not a measured surface): a raised cosine of the distance r from the summit,
    !>
-   !>     h = H cos^2(pi xi/2) cos^2(pi eta/2),
+   !>     h = H cos^2(pi r/(2 r_max)),
    !>
-   !> xi and eta being the distance from the summit along t1 and t2 over that from the summit to the edge of the
-   !> rectangle on the same side. It is flat at the summit and runs out flat along all edges. H makes the
-   !> difference of highest and lowest contact point equal to `peak_to_peak`, so all contact points of the
-   !> interface must be evaluated together.
+   !> r_max being the distance of the farthest corner of the rectangle. It is flat at the summit and flattens
+   !> towards the corners. H makes the difference of highest and lowest contact point equal to `peak_to_peak`,
+   !> so all contact points of the interface must be evaluated together.
    type, extends(topography_t) :: hill_t
       private
       real(wp) :: lower(2) = 0.0_wp, upper(2) = 0.0_wp, summit(2) = 0.0_wp, peak_to_peak = 0.0_wp
@@ -174,7 +173,7 @@ contains
       end if
    end subroutine new_hill
 
-   !> Product of two raised cosines.
+   !> Raised cosine of the distance from the summit.
    subroutine evaluate_hill(self, position, height, estimated, error)
       class(hill_t), intent(in) :: self
       !> (2, points) m
@@ -185,14 +184,13 @@ contains
       integer, intent(out) :: estimated
       !> Never set
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: reach(2), xi(2), span
+      real(wp) :: farthest, span
       integer :: k
 
       estimated = 0
+      farthest = norm2(max(self%upper - self%summit, self%summit - self%lower))
       do k = 1, size(height)
-         reach = merge(self%upper, self%lower, position(:, k) >= self%summit) - self%summit
-         xi = min(1.0_wp, (position(:, k) - self%summit)/reach)
-         height(k) = product(cos(0.5_wp*pi*xi)**2)
+         height(k) = cos(0.5_wp*pi*min(1.0_wp, norm2(position(:, k) - self%summit)/farthest))**2
       end do
       if (size(height) == 0) return
       span = maxval(height) - minval(height)
