@@ -81,7 +81,7 @@ contains
    !> Newton steps until the residual is below the limit or `max_steps` are used up.
    !>
    !> Start value: block%x. Exit: residual <= limit (converged), or steps = max_steps, or a singular matrix.
-   subroutine solve_newton(block, limit, max_steps, steps, residual, last_change)
+   subroutine solve_newton(block, limit, max_steps, steps, residual, force_error)
       type(contact_block_t), intent(inout) :: block
       !> Residual to stop at, N
       real(wp), intent(in) :: limit
@@ -89,12 +89,14 @@ contains
       integer, intent(out) :: steps
       !> Largest violation of the laws, N
       real(wp), intent(out) :: residual
-      !> Largest change of a force in the last step, N
-      real(wp), intent(out) :: last_change
+      !> Estimated error of the forces, N: what a further step would change, by the largest ratio of change to
+      !> residual of the steps taken
+      real(wp), intent(out) :: force_error
       real(wp), allocatable :: dx(:), change(:)
+      real(wp) :: amplification
       logical :: singular
 
-      last_change = 0.0_wp
+      amplification = 1.0_wp
       block%force = block%predicted + matmul(block%M, block%x)
       do steps = 0, max_steps
          call update_states(block)
@@ -104,9 +106,10 @@ contains
          if (singular) exit
          block%x = block%x + dx
          change = matmul(block%M, dx)
-         last_change = maxval(abs(change))
+         amplification = max(amplification, maxval(abs(change))/residual)
          block%force = block%predicted + matmul(block%M, block%x)
       end do
+      force_error = amplification*residual
    end subroutine solve_newton
 
    !> One step: the increments that satisfy the laws linearised in the current states.

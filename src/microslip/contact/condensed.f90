@@ -227,7 +227,7 @@ contains
       !> Force that tolerances refer to, N
       real(wp), intent(in) :: scale
       type(solve_record_t), intent(inout) :: record
-      real(wp) :: limit, residual, change
+      real(wp) :: limit, residual, force_error
       integer :: steps, sweeps, round
 
       record%converged = .true.
@@ -239,9 +239,9 @@ contains
       ! Newton converges in one more step from the tolerance to rounding: ask for a good part of it.
       limit = min(1.0e-2_wp*self%tolerance, 1.0e-12_wp)*scale
       do round = 1, rescue_rounds
-         call solve_newton(block, limit, newton_steps, steps, residual, change)
+         call solve_newton(block, limit, newton_steps, steps, residual, force_error)
          record%iterations = record%iterations + steps
-         record%error_estimate = change/scale
+         record%error_estimate = force_error/scale
          if (residual <= self%tolerance*scale) exit
          record%rescues = record%rescues + 1
          if (.not. all(abs(block%x) < huge(1.0_wp))) block%x = 0.0_wp
@@ -249,7 +249,6 @@ contains
          record%iterations = record%iterations + sweeps
       end do
       record%converged = residual <= self%tolerance*scale
-      record%error_estimate = min(record%error_estimate, max(residual/scale, record%error_estimate**2))
    end subroutine solve_block
 
    !> The paper's way: projected Jacobi on the compliance with the sticking points eliminated, M_block^-1.

@@ -47,8 +47,8 @@ module microslip_contact_problem
       integer :: iterations = 0
       !> Largest violation of the contact laws over the largest contact force
       real(wp) :: residual = 0.0_wp
-      !> Estimate of the error of the contact forces over the largest contact force: the change of the
-      !> last Newton step, or the last change of the projected Jacobi over its contraction gap
+      !> Estimate of the error of the contact forces over the largest contact force: what a further Newton
+      !> step would change, or the last change of the projected Jacobi over its contraction gap (a bound)
       real(wp) :: error_estimate = 0.0_wp
       !> How often a rescue (block Gauss-Seidel) was needed
       integer :: rescues = 0
