@@ -8,6 +8,8 @@ program main
    use test_fe_interface, only: collect_fe_interface
    use test_fe_load_pattern, only: collect_fe_load_pattern
    use test_fe_pairing, only: collect_fe_pairing
+   use test_fe_reduction, only: collect_fe_reduction
+   use test_fe_relative_coordinates, only: collect_fe_relative_coordinates
    use test_fe_shape_functions, only: collect_fe_shape_functions
    use test_halfspace_compliance, only: collect_halfspace_compliance
    use test_halfspace_convolution, only: collect_halfspace_convolution
@@ -24,6 +26,10 @@ program main
    use test_io_progress, only: collect_io_progress
    use test_io_results, only: collect_io_results
    use test_io_topography_file, only: collect_io_topography_file
+   use test_linalg_dense, only: collect_linalg_dense
+   use test_linalg_eigenpairs, only: collect_linalg_eigenpairs
+   use test_linalg_mumps, only: collect_linalg_mumps
+   use test_linalg_sparse_algebra, only: collect_linalg_sparse_algebra
    use test_surface_height_map, only: collect_surface_height_map
    use test_surface_topography, only: collect_surface_topography
    use microslip_cli_blas_kernel, only: ensure_fast_blas
@@ -46,6 +52,8 @@ program main
       & new_testsuite('fe_interface', collect_fe_interface), &
       & new_testsuite('fe_load_pattern', collect_fe_load_pattern), &
       & new_testsuite('fe_pairing', collect_fe_pairing), &
+      & new_testsuite('fe_reduction', collect_fe_reduction), &
+      & new_testsuite('fe_relative_coordinates', collect_fe_relative_coordinates), &
       & new_testsuite('fe_shape_functions', collect_fe_shape_functions), &
       & new_testsuite('halfspace_compliance', collect_halfspace_compliance), &
       & new_testsuite('halfspace_convolution', collect_halfspace_convolution), &
@@ -62,6 +70,10 @@ program main
       & new_testsuite('io_progress', collect_io_progress), &
       & new_testsuite('io_results', collect_io_results), &
       & new_testsuite('io_topography_file', collect_io_topography_file), &
+      & new_testsuite('linalg_dense', collect_linalg_dense), &
+      & new_testsuite('linalg_eigenpairs', collect_linalg_eigenpairs), &
+      & new_testsuite('linalg_mumps', collect_linalg_mumps), &
+      & new_testsuite('linalg_sparse_algebra', collect_linalg_sparse_algebra), &
       & new_testsuite('surface_height_map', collect_surface_height_map), &
       & new_testsuite('surface_topography', collect_surface_topography)]
 

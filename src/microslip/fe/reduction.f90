@@ -25,6 +25,9 @@ module microslip_fe_reduction
    character(len=*), parameter :: craig_bampton_massless = 'craig_bampton_massless'
    character(len=*), parameter :: macneal = 'macneal'
    character(len=*), parameter :: axis = 'xyz'
+   !> A mode with less than this share of the mean of K_kk over the mean of M_kk is a free motion made stiff by
+   !> rounding: a tenth of a hertz where the mesh's own highest frequencies are a megahertz
+   real(wp), parameter :: free_motion = 1.0e-14_wp
 
    !> What is wanted: a number of modes, or all modes below a frequency.
    type :: reduction_options_t
@@ -103,7 +106,7 @@ contains
 
       call static_condensation(model, stiffness, boundary, factor, reduced%K_bb, reduced%record, error)
       if (allocated(error)) return
-      call find_modes(stiffness, mass, factor, options, lambda, theta, reduced, error)
+      call find_modes(model, stiffness, mass, factor, options, lambda, theta, reduced, error)
       if (allocated(error)) return
 
       allocate (product, mold=theta)
@@ -116,7 +119,7 @@ contains
 
       reduced%K_ii = diagonal_matrix(lambda)
       reduced%K_bi = alpha_t*spread(-lambda, 1, size(boundary))
-      scaled = transpose(alpha_t*spread(sqrt(lambda), 1, size(boundary)))
+      scaled = spread(sqrt(lambda), 2, size(boundary))*transpose(alpha_t)
       call gram_product(scaled, reduced%K_bb, keep=1.0_wp)
 
       allocate (reduced%pattern_i(size(lambda), size(forces, 2)))
@@ -157,12 +160,13 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(symmetric_factor_t) :: factor
       real(wp), allocatable :: lambda(:), phi(:, :), phi_b(:, :), scaled(:, :), x(:, :), residual(:, :)
+      character(len=:), allocatable :: message
       integer :: row
 
       call factor%factorise(stiffness, error, positive_definite=.true., singular_row=row)
       call name_free_row(model, row, error)
       if (allocated(error)) return
-      call find_modes(stiffness, mass, factor, options, lambda, phi, reduced, error)
+      call find_modes(model, stiffness, mass, factor, options, lambda, phi, reduced, error)
       if (allocated(error)) return
       x = forces
       call factor%solve(x)
@@ -174,12 +178,13 @@ contains
       call inverse_spd(reduced%K_bb, error)
       if (allocated(error)) return
       phi_b = phi(boundary, :)
-      scaled = transpose(phi_b*spread(1.0_wp/sqrt(lambda), 1, size(boundary)))
+      scaled = spread(1.0_wp/sqrt(lambda), 2, size(boundary))*transpose(phi_b)
       call gram_product(scaled, reduced%K_bb, factor=-1.0_wp, keep=1.0_wp)
       call inverse_spd(reduced%K_bb, error)
       if (allocated(error)) then
+         message = error%message
          call failure(error, 'MacNeal reduction: with '//to_text(size(lambda))//' modes nothing is left of the '// &
-                      'boundary flexibility; ask for fewer modes ('//error%message//')')
+                      'boundary flexibility; ask for fewer modes ('//message//')')
          return
       end if
 
@@ -222,7 +227,8 @@ contains
    end subroutine static_condensation
 
    !> The lowest modes, as many as the options ask for.
-   subroutine find_modes(stiffness, mass, factor, options, lambda, vectors, reduced, error)
+   subroutine find_modes(model, stiffness, mass, factor, options, lambda, vectors, reduced, error)
+      type(fe_model_t), intent(in) :: model
       type(symmetric_sparse_t), intent(in) :: stiffness, mass
       !> Of K~ (free modes) or of K~_rr (tied modes)
       type(symmetric_factor_t), intent(inout) :: factor
@@ -241,6 +247,10 @@ contains
       if (allocated(error)) return
       call nearest_eigenpairs(mass, factor, 0.0_wp, count, lambda, vectors, record, error)
       if (allocated(error)) return
+      if (lambda(1) < free_motion*sum(stiffness%diagonal())/sum(mass%diagonal())) then
+         call name_free_row(model, maxloc(abs(vectors(:, 1)), dim=1), error)
+         return
+      end if
       reduced%frequency = sqrt(lambda)/(2.0_wp*pi)
       reduced%record%solves = reduced%record%solves + record%solves
       reduced%record%iterations = record%iterations
@@ -256,12 +266,16 @@ contains
       !> Hz
       real(wp), intent(in) :: frequency
       integer, intent(out) :: count
-      !> No mode below the frequency, or the factorisation failed
+      !> No mode below the frequency, one just there, or the factorisation failed
       type(error_t), allocatable, intent(out) :: error
       type(symmetric_factor_t) :: shifted
+      integer :: singular_row
 
       count = 0
-      call shifted%factorise(submatrix(combination(stiffness, -(2.0_wp*pi*frequency)**2, mass), active), error)
+      call shifted%factorise(submatrix(combination(stiffness, -(2.0_wp*pi*frequency)**2, mass), active), error, &
+                             singular_row=singular_row)
+      if (singular_row > 0) call bad_input(error, 'reduction: the cut-off frequency of '//to_text(frequency)// &
+                                           ' Hz is a natural frequency; choose one between two of them')
       if (allocated(error)) return
       count = shifted%negative_pivots()
       if (count == 0) call bad_input(error, 'reduction: the structure has no mode below the cut-off frequency of ' &

@@ -12,13 +12,17 @@ module microslip_linalg_dense
    public :: eigen_symmetric, eigen_generalised
    public :: product_of, product_symmetric, gram_product, mirror_upper
 
+   !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
+   !> threads, which takes longer than the product.
+   integer, parameter :: threading_pays = 512
+
    !> Solve A X = B with the Cholesky factor of A; B holds X on return.
    interface cholesky_solve
       module procedure :: cholesky_solve_one
       module procedure :: cholesky_solve_many
    end interface cholesky_solve
 
-   !> Product with a matrix stored in full by its upper triangle: y = A x, or Y = A X.
+   !> Product with a symmetric matrix stored in full: y = A x, or Y = A X.
    interface product_symmetric
       module procedure :: product_symmetric_one
       module procedure :: product_symmetric_many
@@ -250,6 +254,10 @@ contains
       real(wp), intent(out), contiguous :: y(:)
 
       if (size(y) == 0) return
+      if (size(y) < threading_pays) then
+         y = matmul(a, x)
+         return
+      end if
       call dsymv('U', size(x), 1.0_wp, a, size(a, 1), x, 1, 0.0_wp, y, 1)
    end subroutine product_symmetric_one
 

@@ -1,16 +1,9 @@
-!> Eigenpairs of K x = lambda M x nearest a shift, by a block Krylov method with shift and invert.
+!> Eigenpairs of K x = lambda M x nearest a shift, by ARPACK's implicitly restarted Lanczos method.
 !>
-!> With OP = (K - shift M)^-1 M, which is self-adjoint in the M inner product and has the eigenvalues
-!> theta = 1/(lambda - shift), an M-orthonormal basis V = [V_1 V_2 ...] is built block by block:
-!>
-!>     W = OP V_j,   T = V^T M OP V,   V_j+1 = orthonormalised (I - V V^T M) W,   T s = theta s,  x = V s,
-!>     residual of a pair:  |OP x - theta x|_M / |theta| = |(I - V V^T M) W s_j|_M / |theta|.
-!>
-!> The basis is kept in full (no restart) and orthogonalised twice, so there are no spurious copies, multiple
-!> eigenvalues come out, and on a small problem the basis grows to the whole space. A block costs one pass through
-!> the sparse factor: measured on 45 000 rows, 32 solutions together take as long as 4 one by one, which is why
-!> this is used rather than a single-vector Lanczos method. M may be singular: all vectors are in the range of OP.
-!> Reference: Grimes, Lewis, Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228-272.
+!> Shift and invert (ARPACK's mode 3): OP = (K - shift M)^-1 M is self-adjoint in the M inner product and has
+!> the eigenvalues theta = 1/(lambda - shift). M may be singular: the start vector is in the range of OP.
+!> ARPACK cannot deliver (nearly) all pairs of a problem; where so many are wanted, dense matrices serve.
+!> Reference: Lehoucq, Sorensen, Yang, ARPACK Users' Guide, SIAM 1998.
 module microslip_linalg_eigenpairs
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, i8
@@ -18,7 +11,6 @@ module microslip_linalg_eigenpairs
    use microslip_linalg_dense, only: eigen_symmetric, product_of
    use microslip_linalg_mumps, only: symmetric_factor_t
    use microslip_linalg_sparse, only: symmetric_sparse_t
-   use microslip_linalg_sparse_algebra, only: multiply_many
    implicit none(type, external)
    private
 
@@ -26,7 +18,7 @@ module microslip_linalg_eigenpairs
 
    !> What the iteration did.
    type :: eigen_record_t
-      !> Blocks of the basis and its vectors
+      !> Restarts, and vectors of the basis
       integer :: iterations = 0, basis = 0
       !> Solutions with the factor
       integer :: solves = 0
@@ -34,16 +26,40 @@ module microslip_linalg_eigenpairs
       real(wp) :: residual = 0.0_wp
    end type eigen_record_t
 
-   !> Relative residual that ends the iteration; the eigenvalues' own error is of its square
-   real(wp), parameter :: tolerance = 1.0e-9_wp
-   !> What is below this share of the largest |theta| is rounding
-   real(wp), parameter :: rounding = 1.0e-14_wp
-   !> Directions of a block that are kept: share of its strongest one, squared
-   real(wp), parameter :: dependent = 1.0e-14_wp
-   !> Smallest and largest number of vectors per block
-   integer, parameter :: smallest_block = 8, largest_block = 16
-   !> Largest basis: so many vectors per wanted pair, and so many blocks at least
-   integer, parameter :: basis_per_pair = 8, basis_blocks = 30
+   !> Relative accuracy asked of the Ritz values; the eigenvalues' own error is of the residual's square.
+   real(wp), parameter :: tolerance = 1.0e-12_wp
+   integer, parameter :: max_restarts = 300
+   !> Below this share of the largest, |theta| is rounding: there is no further eigenpair.
+   real(wp), parameter :: rounding = 1.0e-13_wp
+
+   interface
+      subroutine dsaupd(ido, bmat, n, which, nev, tol, resid, ncv, v, ldv, iparam, ipntr, workd, workl, lworkl, info)
+         import :: wp
+         implicit none
+         integer, intent(inout) :: ido, info
+         character(len=1), intent(in) :: bmat
+         character(len=2), intent(in) :: which
+         integer, intent(in) :: n, nev, ncv, ldv, lworkl
+         real(wp), intent(in) :: tol
+         real(wp), intent(inout) :: resid(*), v(ldv, *), workd(*), workl(*)
+         integer, intent(inout) :: iparam(*), ipntr(*)
+      end subroutine dsaupd
+
+      subroutine dseupd(rvec, howmny, select, d, z, ldz, sigma, bmat, n, which, nev, tol, resid, ncv, v, ldv, &
+            iparam, ipntr, workd, workl, lworkl, info)
+         import :: wp
+         implicit none
+         logical, intent(in) :: rvec
+         character(len=1), intent(in) :: howmny, bmat
+         character(len=2), intent(in) :: which
+         integer, intent(in) :: ldz, n, nev, ncv, ldv, lworkl
+         logical, intent(inout) :: select(*)
+         real(wp), intent(in) :: sigma, tol
+         real(wp), intent(inout) :: d(*), z(ldz, *), resid(*), v(ldv, *), workd(*), workl(*)
+         integer, intent(inout) :: iparam(*), ipntr(*)
+         integer, intent(out) :: info
+      end subroutine dseupd
+   end interface
 
 contains
 
@@ -60,223 +76,203 @@ contains
       !> (n, count)
       real(wp), allocatable, intent(out) :: vectors(:, :)
       type(eigen_record_t), intent(out) :: record
-      !> Fewer pairs exist than are wanted, or no convergence within the largest basis
+      !> Fewer pairs exist than are wanted, or no convergence
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: v(:, :), mv(:, :), w(:, :), mw(:, :), t(:, :), theta(:), s(:, :), gram(:, :)
-      integer :: n, active, limit, first, last
-      logical :: complete
-
-      n = mass%n
-      active = size(factor%active_rows())
-      limit = min(active, max(basis_per_pair*count, basis_blocks*smallest_block))
-      allocate (lambda(count), vectors(n, count), v(n, limit), mv(n, limit), t(limit, limit))
-      if (count == 0) return
-
-      call start_block(factor, mass, min(limit, max(smallest_block, min(largest_block, count/2))), w, record)
-      mw = w
-      call multiply_many(mass, w, mw)
-      first = 1
-      complete = .false.
-      theta = [0.0_wp]
-      do
-         call orthonormalise(v(:, :first - 1), mv(:, :first - 1), mass, rounding*abs(theta(1)), w, mw)
-         last = min(limit, first + size(w, 2) - 1)
-         if (last < first) exit
-         w = w(:, :last - first + 1)
-         v(:, first:last) = w
-         mv(:, first:last) = mw(:, :last - first + 1)
-         record%iterations = record%iterations + 1
-         record%basis = last
-
-         w = mv(:, first:last)
-         call factor%solve(w)
-         record%solves = record%solves + size(w, 2)
-         call project_out(v(:, :last), mv(:, :last), w, t(:last, first:last))
-         mw = w
-         call multiply_many(mass, w, mw)
-         call rayleigh_ritz(t(:last, :last), theta, s, error)
-         if (allocated(error)) return
-         if (last >= count) then
-            gram = gram_of(w, mw)
-            call measure_residual(s(first:last, :count), theta(:count), gram, record%residual, complete)
-         end if
-         if (complete .or. last == limit) exit
-         first = last + 1
-      end do
-
-      ! A basis that cannot grow any more spans all there is.
-      complete = complete .or. size(w, 2) == 0 .or. record%basis == active
-      if (record%basis < count) then
-         call failure(error, to_text(count)//' eigenpairs wanted, but only '//to_text(record%basis)//' exist')
-      else if (.not. complete) then
-         call failure(error, to_text(count)//' eigenpairs not converged with a basis of '//to_text(record%basis)// &
-                      ' vectors: residual '//to_text(record%residual))
-      else
-         call product_of(v(:, :record%basis), s(:, :count), vectors)
-         lambda = shift + 1.0_wp/theta(:count)
-         call sort_and_sign(lambda, vectors)
-      end if
-   end subroutine nearest_eigenpairs
-
-   !> The same pseudo-random block every time, moved into the range of OP.
-   subroutine start_block(factor, mass, width, w, record)
-      type(symmetric_factor_t), intent(inout) :: factor
-      type(symmetric_sparse_t), intent(in) :: mass
-      !> Number of vectors
-      integer, intent(in) :: width
-      !> (n, width)
-      real(wp), allocatable, intent(out) :: w(:, :)
-      type(eigen_record_t), intent(inout) :: record
-      integer(i8), parameter :: multiplier = 48271_i8, modulus = 2147483647_i8
-      real(wp), allocatable :: x(:, :)
-      integer(i8) :: state
-      integer :: i, j
-
-      allocate (x(mass%n, width), w(mass%n, width))
-      state = 20260503_i8
-      do j = 1, width
-         do i = 1, mass%n
-            state = mod(multiplier*state, modulus)
-            x(i, j) = real(state, wp)/real(modulus, wp) - 0.5_wp
-         end do
-      end do
-      call multiply_many(mass, x, w)
-      call factor%solve(w)
-      record%solves = record%solves + width
-   end subroutine start_block
-
-   !> W <- M-orthonormal basis of (I - V V^T M) W, without the directions that depend on others; W has been
-   !> projected once before.
-   subroutine orthonormalise(v, mv, mass, negligible, w, mw)
-      !> (n, k) M-orthonormal, and M V
-      real(wp), intent(in), contiguous :: v(:, :), mv(:, :)
-      type(symmetric_sparse_t), intent(in) :: mass
-      !> Norm below which what remains of a vector is rounding
-      real(wp), intent(in) :: negligible
-      !> (n, p), and M W; fewer columns on return where some depend on others
-      real(wp), allocatable, intent(inout) :: w(:, :), mw(:, :)
-      real(wp), allocatable :: unused(:, :)
-
-      call whiten(negligible, w, mw)
-      allocate (unused(size(v, 2), size(w, 2)))
-      call project_out(v, mv, w, unused)
-      call multiply_many(mass, w, mw)
-      call whiten(0.0_wp, w, mw)
-   end subroutine orthonormalise
-
-   !> W <- W - V C with C = V^T M W.
-   subroutine project_out(v, mv, w, coefficient)
-      !> (n, k) M-orthonormal, and M V
-      real(wp), intent(in), contiguous :: v(:, :), mv(:, :)
-      !> (n, p)
-      real(wp), intent(inout), contiguous :: w(:, :)
-      !> (k, p) C
-      real(wp), intent(out) :: coefficient(:, :)
-      real(wp), allocatable :: c(:, :)
-
-      allocate (c(size(v, 2), size(w, 2)))
-      call product_of(mv, w, c, transpose_a=.true.)
-      call product_of(v, c, w, factor=-1.0_wp, keep=1.0_wp)
-      coefficient = c
-   end subroutine project_out
-
-   !> W <- W S and M W <- M W S such that W^T M W = I.
-   subroutine whiten(negligible, w, mw)
-      !> Norm below which a vector is left out
-      real(wp), intent(in) :: negligible
-      !> (n, p), and M W; fewer columns on return where some depend on others
-      real(wp), allocatable, intent(inout) :: w(:, :), mw(:, :)
-      real(wp), allocatable :: gram(:, :), scaling(:, :), next(:, :)
-
-      gram = gram_of(w, mw)
-      call whitening(gram, negligible, scaling)
-      allocate (next(size(w, 1), size(scaling, 2)))
-      call product_of(w, scaling, next)
-      call move_alloc(next, w)
-      allocate (next(size(mw, 1), size(scaling, 2)))
-      call product_of(mw, scaling, next)
-      call move_alloc(next, mw)
-   end subroutine whiten
-
-   !> W^T M W.
-   function gram_of(w, mw) result(gram)
-      !> (n, p), and M W
-      real(wp), intent(in), contiguous :: w(:, :), mw(:, :)
-      real(wp) :: gram(size(w, 2), size(w, 2))
-
-      call product_of(w, mw, gram, transpose_a=.true.)
-   end function gram_of
-
-   !> S with S^T G S = I on the directions of G that are not negligible.
-   subroutine whitening(gram, negligible, scaling)
-      !> (p, p) symmetric, positive semidefinite
-      real(wp), intent(inout), contiguous :: gram(:, :)
-      !> Vectors shorter than this are left out
-      real(wp), intent(in) :: negligible
-      !> (p, kept)
-      real(wp), allocatable, intent(out) :: scaling(:, :)
-      type(error_t), allocatable :: error
-      real(wp) :: d(size(gram, 1)), size_of(size(gram, 1))
-      integer :: k, p
-
-      p = size(gram, 1)
-      size_of = [(sqrt(max(gram(k, k), tiny(1.0_wp))), k=1, p)]
-      do k = 1, p
-         gram(:, k) = gram(:, k)/(size_of*size_of(k))
-      end do
-      do k = 1, p
-         if (size_of(k) > negligible) cycle
-         gram(:, k) = 0.0_wp
-         gram(k, :) = 0.0_wp
-      end do
-      call eigen_symmetric(gram, d, error)
-      if (allocated(error)) d = 0.0_wp
-      do k = 1, p
-         gram(:, k) = gram(:, k)/(size_of*sqrt(max(d(k), tiny(1.0_wp))))
-      end do
-      scaling = gram(:, pack([(k, k=1, p)], d > max(dependent*d(p), 0.0_wp)))
-   end subroutine whitening
-
-   !> Eigenpairs of T (its upper triangle) with the largest |theta| first.
-   subroutine rayleigh_ritz(t, theta, s, error)
-      !> (k, k)
-      real(wp), intent(in) :: t(:, :)
-      !> (k)
-      real(wp), allocatable, intent(out) :: theta(:)
-      !> (k, k)
-      real(wp), allocatable, intent(out) :: s(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      integer :: order(size(t, 1))
-
-      s = t
-      allocate (theta(size(t, 1)))
-      call eigen_symmetric(s, theta, error)
-      if (allocated(error)) return
-      order = descending(abs(theta))
-      theta = theta(order)
-      s = s(:, order)
-   end subroutine rayleigh_ritz
-
-   !> Largest relative residual of some Ritz pairs, and whether all of them are small enough.
-   pure subroutine measure_residual(s, theta, gram, largest, converged)
-      !> (p, count) components in the last block
-      real(wp), intent(in) :: s(:, :)
-      !> (count) descending in size
-      real(wp), intent(in) :: theta(:)
-      !> (p, p) Gram matrix of what OP makes of the last block outside the basis
-      real(wp), intent(in) :: gram(:, :)
-      real(wp), intent(out) :: largest
-      logical, intent(out) :: converged
-      real(wp) :: residual
+      integer, allocatable :: active(:)
+      real(wp), allocatable :: theta(:)
       integer :: k
 
-      largest = 0.0_wp
-      converged = .true.
-      do k = 1, size(theta)
-         residual = sqrt(max(0.0_wp, dot_product(s(:, k), matmul(gram, s(:, k)))))
-         largest = max(largest, residual/abs(theta(k)))
-         converged = converged .and. residual <= max(tolerance*abs(theta(k)), rounding*abs(theta(1)))
+      allocate (lambda(count), vectors(mass%n, count), theta(count))
+      if (count == 0) return
+      active = factor%active_rows()
+      if (count > size(active)) then
+         call failure(error, to_text(count)//' eigenpairs wanted, but only '//to_text(size(active))//' exist')
+         return
+      end if
+      if (3*count + 20 > size(active)) then
+         call solve_dense(mass, factor, active, theta, vectors, record, error)
+      else
+         call iterate(mass, factor, active, shift, theta, vectors, record, error)
+      end if
+      if (allocated(error)) return
+      lambda = shift + 1.0_wp/theta
+      call sort_and_sign(lambda, vectors)
+      do k = 1, count
+         call measure_residual(mass, factor, active, shift, lambda(k), vectors(:, k), record)
       end do
+   end subroutine nearest_eigenpairs
+
+   !> ARPACK's reverse communication.
+   subroutine iterate(mass, factor, active, shift, theta, vectors, record, error)
+      type(symmetric_sparse_t), intent(in) :: mass
+      type(symmetric_factor_t), intent(inout) :: factor
+      integer, intent(in) :: active(:)
+      real(wp), intent(in) :: shift
+      real(wp), intent(out) :: theta(:)
+      real(wp), intent(out), contiguous :: vectors(:, :)
+      type(eigen_record_t), intent(inout) :: record
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: residual(:), v(:, :), workd(:), workl(:), x(:), value(:)
+      logical, allocatable :: selected(:)
+      integer :: n, wanted, basis, ido, info, iparam(11), ipntr(11), first
+
+      n = mass%n
+      wanted = size(theta)
+      basis = min(size(active), max(2*wanted + 1, 20))
+      allocate (v(n, basis), workd(3*n), workl(basis*(basis + 8)), selected(basis), value(basis), x(n))
+      call start_vector(mass, factor, active, residual, record)
+      iparam = 0
+      iparam([1, 3, 7]) = [1, max_restarts, 3]
+      ipntr = 0
+      ido = 0
+      info = 1
+      do
+         call dsaupd(ido, 'G', n, 'LM', wanted, tolerance, residual, basis, v, n, iparam, ipntr, workd, workl, &
+            & size(workl), info)
+         select case (ido)
+         case (-1)
+            call multiply_active(mass, active, workd(ipntr(1):ipntr(1) + n - 1), x)
+         case (1)
+            first = ipntr(3)
+            x = workd(first:first + n - 1)
+         case (2)
+            call multiply_active(mass, active, workd(ipntr(1):ipntr(1) + n - 1), x)
+         case default
+            exit
+         end select
+         if (ido /= 2) then
+            call factor%solve(x)
+            record%solves = record%solves + 1
+         end if
+         workd(ipntr(2):ipntr(2) + n - 1) = x
+      end do
+      record%iterations = iparam(3)
+      record%basis = basis
+      if (info < 0 .or. iparam(5) < wanted) then
+         call failure(error, to_text(wanted)//' eigenpairs wanted, '//to_text(iparam(5))//' found after '// &
+            & to_text(iparam(3))//' restarts (ARPACK, code '//to_text(info)//')')
+         return
+      end if
+      call dseupd(.true., 'A', selected, value, v, n, shift, 'G', n, 'LM', wanted, tolerance, residual, basis, v, n, &
+         & iparam, ipntr, workd, workl, size(workl), info)
+      if (info /= 0) then
+         call failure(error, 'eigenvectors: ARPACK, code '//to_text(info))
+         return
+      end if
+      theta = 1.0_wp/(value(:wanted) - shift)
+      vectors = v(:, :wanted)
+      call check_existence(theta, error)
+   end subroutine iterate
+
+   !> Eigenvalues at infinity (massless motions) are no eigenpairs.
+   subroutine check_existence(theta, error)
+      real(wp), intent(in) :: theta(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: found
+
+      found = count(abs(theta) > rounding*maxval(abs(theta)))
+      if (found < size(theta)) call failure(error, to_text(size(theta))//' eigenpairs wanted, but only '// &
+         & to_text(found)//' exist')
+   end subroutine check_existence
+
+   !> y = M x on the rows that are in the factor, zero elsewhere.
+   subroutine multiply_active(mass, active, x, y)
+      type(symmetric_sparse_t), intent(in) :: mass
+      integer, intent(in) :: active(:)
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: y(:)
+      real(wp) :: all_rows(size(x))
+
+      call mass%multiply(x, all_rows)
+      y = 0.0_wp
+      y(active) = all_rows(active)
+   end subroutine multiply_active
+
+   !> The same pseudo-random vector every time, moved into the range of OP.
+   subroutine start_vector(mass, factor, active, x, record)
+      type(symmetric_sparse_t), intent(in) :: mass
+      type(symmetric_factor_t), intent(inout) :: factor
+      integer, intent(in) :: active(:)
+      real(wp), allocatable, intent(out) :: x(:)
+      type(eigen_record_t), intent(inout) :: record
+      integer(i8), parameter :: multiplier = 48271_i8, modulus = 2147483647_i8
+      real(wp), allocatable :: random(:)
+      integer(i8) :: state
+      integer :: k
+
+      allocate (random(mass%n), source=0.0_wp)
+      allocate (x(mass%n))
+      state = 20260503_i8
+      do k = 1, size(active)
+         state = mod(multiplier*state, modulus)
+         random(active(k)) = real(state, wp)/real(modulus, wp) - 0.5_wp
+      end do
+      call multiply_active(mass, active, random, x)
+      call factor%solve(x)
+      record%solves = record%solves + 1
+   end subroutine start_vector
+
+   !> All of a small problem: with M = U D U^T, the eigenpairs of D^1/2 U^T (K - shift M)^-1 U D^1/2.
+   subroutine solve_dense(mass, factor, active, theta, vectors, record, error)
+      type(symmetric_sparse_t), intent(in) :: mass
+      type(symmetric_factor_t), intent(inout) :: factor
+      integer, intent(in) :: active(:)
+      real(wp), intent(out) :: theta(:)
+      real(wp), intent(out), contiguous :: vectors(:, :)
+      type(eigen_record_t), intent(inout) :: record
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: root(:, :), moved(:, :), b(:, :), d(:), value(:), y(:, :)
+      integer, allocatable :: order(:)
+      integer :: k, n
+
+      n = size(active)
+      allocate (root(n, n), d(n), value(n), b(n, n), moved(mass%n, n), y(mass%n, 1))
+      do k = 1, n
+         y = 0.0_wp
+         y(active(k), 1) = 1.0_wp
+         call mass%multiply(y(:, 1), moved(:, k))
+      end do
+      root = moved(active, :)
+      call eigen_symmetric(root, d, error)
+      if (allocated(error)) return
+      do k = 1, n
+         root(:, k) = root(:, k)*sqrt(max(0.0_wp, d(k)))
+      end do
+      moved = 0.0_wp
+      moved(active, :) = root
+      call factor%solve(moved)
+      record%solves = record%solves + n
+      b = matmul(transpose(root), moved(active, :))
+      b = 0.5_wp*(b + transpose(b))
+      call eigen_symmetric(b, value, error)
+      if (allocated(error)) return
+      order = largest_first(abs(value))
+      theta = value(order(:size(theta)))
+      call check_existence(theta, error)
+      if (allocated(error)) return
+      call product_of(moved, b(:, order(:size(theta))), vectors)
+      do k = 1, size(theta)
+         vectors(:, k) = vectors(:, k)/theta(k)
+      end do
+      record%basis = n
+   end subroutine solve_dense
+
+   !> Largest |OP x - theta x|_M / |theta| so far.
+   subroutine measure_residual(mass, factor, active, shift, lambda, x, record)
+      type(symmetric_sparse_t), intent(in) :: mass
+      type(symmetric_factor_t), intent(inout) :: factor
+      integer, intent(in) :: active(:)
+      real(wp), intent(in) :: shift, lambda
+      real(wp), intent(in) :: x(:)
+      type(eigen_record_t), intent(inout) :: record
+      real(wp) :: y(size(x)), my(size(x))
+
+      call multiply_active(mass, active, x, y)
+      call factor%solve(y)
+      record%solves = record%solves + 1
+      y = (lambda - shift)*y - x
+      call multiply_active(mass, active, y, my)
+      record%residual = max(record%residual, sqrt(max(0.0_wp, dot_product(y, my))))
    end subroutine measure_residual
 
    !> Eigenvalues ascending; the largest component of every vector positive.
@@ -285,7 +281,7 @@ contains
       real(wp), intent(inout) :: vectors(:, :)
       integer :: order(size(lambda)), k
 
-      order = descending(-lambda)
+      order = largest_first(-lambda)
       lambda = lambda(order)
       vectors = vectors(:, order)
       do k = 1, size(lambda)
@@ -294,7 +290,7 @@ contains
    end subroutine sort_and_sign
 
    !> Indices that put the values in descending order (insertion sort: the lists are short).
-   pure function descending(value) result(order)
+   pure function largest_first(value) result(order)
       real(wp), intent(in) :: value(:)
       integer :: order(size(value)), k, m, item
 
@@ -309,6 +305,6 @@ contains
          end do
          order(m + 1) = item
       end do
-   end function descending
+   end function largest_first
 
 end module microslip_linalg_eigenpairs

@@ -7,7 +7,7 @@
 !> (with Schur rows MUMPS quietly takes a minimum degree ordering; PORD's own order with the Schur rows moved to
 !> its end, ICNTL(7) = 1, needs 0.6 times the operations);
 !> ICNTL(14) spare workspace in per cent; ICNTL(19) = 3 Schur complement with both triangles; ICNTL(24) = 1
-!> detection of null pivots (works with SYM = 2 only, SYM = 1 misses them); ICNTL(26) = 0 solutions with A_rr,
+!> detection of null pivots (works with SYM = 2 and CNTL(1) > 0 only, misses them quietly otherwise); ICNTL(26) = 0 solutions with A_rr,
 !> zero on the rows b; ICNTL(27) right-hand sides treated together; INFOG(12) negative pivots; PIVNUL_LIST
 !> rows of the null pivots.
 module microslip_linalg_mumps
@@ -52,9 +52,13 @@ module microslip_linalg_mumps
    integer, parameter :: workspace_first = 30, workspace_last = 480
    !> Right-hand sides that one pass through the factor serves
    integer, parameter :: solve_block = 32
-   !> A pivot below this share of the norm of the scaled matrix is a null pivot. The pivots of a mechanism are
-   !> rounding errors (some 1e-16); those of a held structure are above 1e-10.
-   real(wp), parameter :: null_pivot = 1.0e-13_wp
+   !> A pivot below this share of the norm of the scaled matrix is a null pivot. Those of a mechanism are rounding
+   !> errors (up to 1e-12 on 150 000 rows); the softest point of a held structure has its stiffness over that of an
+   !> element, 1e-5 for a cantilever 40 times as long as high.
+   real(wp), parameter :: null_pivot = 1.0e-10_wp
+   !> Threshold of pivoting for a positive definite matrix: practically none, but zero would turn the detection of
+   !> null pivots off
+   real(wp), parameter :: no_pivoting = 1.0e-6_wp
 
 contains
 
@@ -62,9 +66,9 @@ contains
    subroutine factorise(self, matrix, error, positive_definite, schur_rows, schur, singular_row)
       class(symmetric_factor_t), intent(inout) :: self
       type(symmetric_sparse_t), intent(in), target :: matrix
-      !> Out of memory, or a singular matrix
+      !> Out of memory, a singular matrix, or one that should be positive definite and is not
       type(error_t), allocatable, intent(out) :: error
-      !> The matrix needs no pivoting for stability (default false)
+      !> The matrix should be positive definite (default false): no pivoting for stability, negative pivots are an error
       logical, intent(in), optional :: positive_definite
       !> (n_b) rows to be left out of the factor
       integer, intent(in), optional :: schur_rows(:)
@@ -73,13 +77,14 @@ contains
       !> Row in which a singular matrix was found out, 0 otherwise
       integer, intent(out), optional :: singular_row
       integer :: row
+      logical :: definite
 
       if (present(singular_row)) singular_row = 0
+      definite = .false.
+      if (present(positive_definite)) definite = positive_definite
       call self%release()
       call start(self, matrix)
-      if (present(positive_definite)) then
-         if (positive_definite) self%id%cntl(1) = 0.0_wp
-      end if
+      if (definite) self%id%cntl(1) = no_pivoting
       self%id%job = job_analyse
       call dmumps(self%id)
       if (present(schur_rows)) call prepare_schur(self%id, schur_rows, schur)
@@ -93,6 +98,9 @@ contains
                       //to_text(row))
       else if (self%id%infog(1) < 0) then
          call report(self%id, error)
+      else if (definite .and. self%negative_pivots() > 0) then
+         call failure(error, 'matrix of '//to_text(matrix%n)//' rows is not positive definite: '// &
+                      to_text(self%negative_pivots())//' negative pivots')
       end if
       if (present(singular_row)) singular_row = row
       if (allocated(error)) call self%release()
@@ -111,7 +119,8 @@ contains
       self%id%job = job_start
       call dmumps(self%id)
       self%id%icntl(1:4) = [-1, -1, -1, 0]
-      self%id%icntl(7) = 4
+      ! PORD ends the program on a full matrix, where the order does not matter
+      self%id%icntl(7) = merge(4, 0, 2_i8*matrix%entries() < int(matrix%n, i8)*(matrix%n + 1))
       self%id%icntl(12) = 1
       self%id%icntl(14) = workspace_first
       self%id%icntl(24) = 1
