@@ -112,10 +112,12 @@ contains
       do round = 1, max_rounds
          list = pack(self%base%inside, active(self%base%inside))
          call gather_block(self, problem, state, predicted, list, block)
-         scale = force_scale(predicted, block)
+         scale = force_scale(state, predicted, block)
          call solve_block(self, block, scale, record)
          call apply_increments(self, predicted, predicted_outside, list, block)
-         scale = max(maxval(self%force), tiny(1.0_wp))
+         ! Where nothing is closed any more, the forces are rounding and the scale stays.
+         if (size(list) < size(self%base%inside) .or. any(block%status /= state_open)) &
+            & scale = max(maxval(self%force), tiny(1.0_wp))
          slack = self%tolerance*scale
          call add_violated(self, problem, slack, active)
          if (count(active(self%base%inside)) > size(list)) cycle
@@ -202,13 +204,14 @@ contains
       end do
    end function base_unknowns
 
-   !> Size of the largest contact force to be expected, N.
-   pure real(wp) function force_scale(predicted, block)
+   !> Size of the largest contact force in the step, before it or to be expected after it, N.
+   pure real(wp) function force_scale(state, predicted, block)
+      type(contact_state_t), intent(in) :: state
       real(wp), intent(in) :: predicted(:)
       type(contact_block_t), intent(in) :: block
       integer :: j
 
-      force_scale = 0.0_wp
+      force_scale = max(0.0_wp, maxval(state%force(1, :)))
       do j = 1, size(predicted), 3
          force_scale = max(force_scale, predicted(j))
       end do
