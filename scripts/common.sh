@@ -21,22 +21,18 @@ set_up() {
 # Build with a section of fpm.rsp and set `program` to the executable. fpm can keep a stale library after modules came
 # or went, which ends in undefined references: then once more without it.
 build() {
-  local log
+  local log built=yes
   log=$(mktemp)
-  if ! run_fpm "$1" "$log"; then
-    if grep -q 'undefined reference' "$log"; then
-      rm -f "$root"/build/gfortran_*/microslip/libmicroslip.a*
-      run_fpm "$1" "$log" || { rm -f "$log"; echo "the build failed" >&2; return 1; }
-    else
-      rm -f "$log"
-      echo "the build failed" >&2
-      return 1
-    fi
+  run_fpm "$1" "$log" || built=no
+  if [ $built = no ] && grep -q 'undefined reference' "$log"; then
+    rm -f "$root"/build/gfortran_*/microslip/libmicroslip.a*
+    built=yes
+    run_fpm "$1" "$log" || built=no
   fi
   # The runner `echo` gives the executable's name in place of running it.
-  program=$root/$(grep -o 'build/gfortran_[^ ]*$' "$log" | tail -n 1)
+  program=$root/$(grep -o 'build/gfortran_[^ ]*$' "$log" | tail -n 1 || true)
   rm -f "$log"
-  [ -x "$program" ] || { echo "the build made no program" >&2; return 1; }
+  [ $built = yes ] && [ -f "$program" ] || { echo "the build failed" >&2; return 1; }
 }
 
 # run_fpm SECTION LOG: progress goes to stderr, but nothing where nothing is to be built.
