@@ -29,17 +29,17 @@ module support_brick
 
 contains
 
-   !> Two blocks of steel of 60 x 40 x 20 mm, `upper` on `lower`, with a contact at z = 0, both held at their end x = 0.
+   !> Two blocks of steel, `upper` of 60 x 40 x 30 mm on `lower` of 60 x 40 x 20 mm (unequal, as a symmetric pair
+   !> would couple nothing), with a contact at z = 0, both held at their end x = 0.
    subroutine two_blocks(model, interfaces, cells)
       type(fe_model_t), intent(out) :: model
       !> One interface, side A = upper, n = +z, t1 = x, t2 = y; the supported end is no part of it
       type(contact_interface_t), allocatable, intent(out) :: interfaces(:)
       !> Elements of each block along x, y, z
       integer, intent(in) :: cells(3)
-      real(wp), parameter :: extent(3) = [0.06_wp, 0.04_wp, 0.02_wp]
 
-      call block_model([block_t('lower', [0.0_wp, 0.0_wp, -extent(3)], extent, cells), &
-                        block_t('upper', [0.0_wp, 0.0_wp, 0.0_wp], extent, cells)], &
+      call block_model([block_t('lower', [0.0_wp, 0.0_wp, -0.02_wp], [0.06_wp, 0.04_wp, 0.02_wp], cells), &
+                        block_t('upper', [0.0_wp, 0.0_wp, 0.0_wp], [0.06_wp, 0.04_wp, 0.03_wp], cells)], &
                        ['lower_xmin', 'upper_xmin'], model)
       interfaces = [facing_interface(model, 'upper_zmin', 'lower_zmax', 'joint')]
    end subroutine two_blocks
@@ -105,7 +105,9 @@ contains
       end do
 
       all_nodes = [(k, k=first + 1, nodes)]
-      model%node_sets(sets + 1) = node_set_t(block%name, all_nodes)
+      ! Not by the structure constructor: gfortran 12 loses the length of the name
+      model%node_sets(sets + 1)%name = block%name
+      model%node_sets(sets + 1)%nodes = all_nodes
       do d = 1, 3
          model%node_sets(sets + 2*d) = node_set_t(block%name//'_'//axis(d:d)//'min', pack(all_nodes, index(d, :) == 0))
          model%node_sets(sets + 2*d + 1) = &

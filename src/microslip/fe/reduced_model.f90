@@ -1,0 +1,40 @@
+!> The reduced model: modal coordinates d_i with mass, boundary coordinates d_b without (METHOD section 2).
+!>
+!>     | I 0 | d_i''   | K_ii    K_bi^T | d_i     pattern_i^T         u_s = pattern_i^T d_i + pattern_b^T d_b
+!>     | 0 0 | d_b'' + | K_bi    K_bb   | d_b  =  pattern_b^T  load,
+!>
+!> SI units: d_b in m, d_i in m sqrt(kg) (unit modal mass).
+module microslip_fe_reduced_model
+   use microslip_core_kinds, only: wp, i8
+   implicit none(type, external)
+   private
+
+   public :: reduced_model_t, reduction_record_t
+
+   !> What the reduction cost.
+   type :: reduction_record_t
+      !> Rows of the FE matrices; entries of the factor of K_rr
+      integer :: rows = 0
+      integer(i8) :: factor_entries = 0
+      !> Solutions with a sparse factor in all; blocks of the eigenvalue iteration; its relative residual
+      integer :: solves = 0, iterations = 0
+      real(wp) :: residual = 0.0_wp
+      !> Wall time of the Schur complement, the modes and everything, s
+      real(wp) :: seconds_schur = 0.0_wp, seconds_modes = 0.0_wp, seconds = 0.0_wp
+   end type reduction_record_t
+
+   !> Reduced matrices, load patterns and sensor rows.
+   type :: reduced_model_t
+      !> 'craig_bampton_massless' or 'macneal'
+      character(len=:), allocatable :: method
+      !> (n_i) Hz: tied frequencies (Craig-Bampton) or free ones (MacNeal)
+      real(wp), allocatable :: frequency(:)
+      !> (n_i, n_i), (n_b, n_i), (n_b, n_b)
+      real(wp), allocatable :: K_ii(:, :), K_bi(:, :), K_bb(:, :)
+      !> (n_i, patterns), (n_b, patterns) force patterns; by reciprocity the same columns give the displacement
+      !> u_s = e^T u of a sensor whose row e is the pattern
+      real(wp), allocatable :: pattern_i(:, :), pattern_b(:, :)
+      type(reduction_record_t) :: record
+   end type reduced_model_t
+
+end module microslip_fe_reduced_model

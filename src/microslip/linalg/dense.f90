@@ -1,0 +1,336 @@
+!> Dense linear algebra: thin wrappers over BLAS and LAPACK with contiguous arrays and errors as values.
+!>
+!> Symmetric matrices are stored in full. Where a procedure reads one triangle only, it is the upper one.
+module microslip_linalg_dense
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   implicit none(type, external)
+   private
+
+   public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
+   public :: eigen_symmetric, eigen_generalised
+   public :: product_of, product_symmetric, gram_product, mirror_upper
+
+   !> Solve A X = B with the Cholesky factor of A; B holds X on return.
+   interface cholesky_solve
+      module procedure :: cholesky_solve_one
+      module procedure :: cholesky_solve_many
+   end interface cholesky_solve
+
+   !> Product with a matrix stored in full by its upper triangle: y = A x, or Y = A X.
+   interface product_symmetric
+      module procedure :: product_symmetric_one
+      module procedure :: product_symmetric_many
+   end interface product_symmetric
+
+   interface
+      subroutine dpotrf(uplo, n, a, lda, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotrf
+
+      subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(in) :: a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dpotrs
+
+      subroutine dpotri(uplo, n, a, lda, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotri
+
+      subroutine dgesv(n, nrhs, a, lda, pivot, b, ldb, info)
+         import :: wp
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         integer, intent(out) :: pivot(*), info
+      end subroutine dgesv
+
+      subroutine dsyevd(jobz, uplo, n, a, lda, w, work, lwork, iwork, liwork, info)
+         import :: wp
+         character(len=1), intent(in) :: jobz, uplo
+         integer, intent(in) :: n, lda, lwork, liwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(out) :: iwork(*), info
+      end subroutine dsyevd
+
+      subroutine dsygvd(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, iwork, liwork, info)
+         import :: wp
+         integer, intent(in) :: itype, n, lda, ldb, lwork, liwork
+         character(len=1), intent(in) :: jobz, uplo
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(out) :: iwork(*), info
+      end subroutine dsygvd
+
+      subroutine dsymv(uplo, n, alpha, a, lda, x, incx, beta, y, incy)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, lda, incx, incy
+         real(wp), intent(in) :: alpha, beta, a(lda, *), x(*)
+         real(wp), intent(inout) :: y(*)
+      end subroutine dsymv
+
+      subroutine dsymm(side, uplo, m, n, alpha, a, lda, b, ldb, beta, c, ldc)
+         import :: wp
+         character(len=1), intent(in) :: side, uplo
+         integer, intent(in) :: m, n, lda, ldb, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dsymm
+
+      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+         import :: wp
+         character(len=1), intent(in) :: transa, transb
+         integer, intent(in) :: m, n, k, lda, ldb, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dgemm
+
+      subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
+         import :: wp
+         character(len=1), intent(in) :: uplo, trans
+         integer, intent(in) :: n, k, lda, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dsyrk
+   end interface
+
+contains
+
+   !> A = U^T U; the upper triangle of `a` becomes U, the lower one is left alone.
+   subroutine cholesky_factor(a, error)
+      !> (n, n) symmetric positive definite, its factor on return
+      real(wp), intent(inout), contiguous :: a(:, :)
+      !> The leading minor that is not positive, where A is not positive definite
+      type(error_t), allocatable, intent(out) :: error
+      integer :: info
+
+      if (size(a) == 0) return
+      call dpotrf('U', size(a, 2), a, size(a, 1), info)
+      if (info > 0) call failure(error, 'matrix of '//to_text(size(a, 2))// &
+                                 ' rows is not positive definite: leading minor '//to_text(info))
+   end subroutine cholesky_factor
+
+   subroutine cholesky_solve_one(factor, b)
+      !> (n, n) from `cholesky_factor`
+      real(wp), intent(in), contiguous :: factor(:, :)
+      !> (n) right-hand side, the solution on return
+      real(wp), intent(inout), contiguous, target :: b(:)
+      real(wp), pointer, contiguous :: block(:, :)
+
+      block(1:size(b), 1:1) => b
+      call cholesky_solve_many(factor, block)
+   end subroutine cholesky_solve_one
+
+   subroutine cholesky_solve_many(factor, b)
+      !> (n, n) from `cholesky_factor`
+      real(wp), intent(in), contiguous :: factor(:, :)
+      !> (n, columns) right-hand sides, the solutions on return
+      real(wp), intent(inout), contiguous :: b(:, :)
+      integer :: info
+
+      if (size(b) == 0) return
+      call dpotrs('U', size(b, 1), size(b, 2), factor, size(factor, 1), b, size(b, 1), info)
+   end subroutine cholesky_solve_many
+
+   !> A <- A^-1, both triangles filled.
+   subroutine inverse_spd(a, error)
+      !> (n, n) symmetric positive definite, its inverse on return
+      real(wp), intent(inout), contiguous :: a(:, :)
+      !> Where A is not positive definite
+      type(error_t), allocatable, intent(out) :: error
+      integer :: info
+
+      call cholesky_factor(a, error)
+      if (allocated(error) .or. size(a) == 0) return
+      call dpotri('U', size(a, 2), a, size(a, 1), info)
+      call mirror_upper(a)
+   end subroutine inverse_spd
+
+   !> Solve A X = B by LU factorisation with partial pivoting.
+   subroutine solve_general(a, b, error)
+      !> (n, n), destroyed
+      real(wp), intent(inout), contiguous :: a(:, :)
+      !> (n, columns) right-hand sides, the solutions on return
+      real(wp), intent(inout), contiguous :: b(:, :)
+      !> Where A is singular
+      type(error_t), allocatable, intent(out) :: error
+      integer, allocatable :: pivot(:)
+      integer :: info
+
+      if (size(b) == 0) return
+      allocate (pivot(size(a, 1)))
+      call dgesv(size(a, 1), size(b, 2), a, size(a, 1), pivot, b, size(b, 1), info)
+      if (info > 0) call failure(error, 'matrix of '//to_text(size(a, 1))//' rows is singular: pivot '//to_text(info))
+   end subroutine solve_general
+
+   !> A x = lambda x; eigenvalues ascend, eigenvectors are orthonormal.
+   subroutine eigen_symmetric(a, lambda, error, values_only)
+      !> (n, n) symmetric; its columns are the eigenvectors on return (destroyed with `values_only`)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      !> (n)
+      real(wp), intent(out), contiguous :: lambda(:)
+      !> Where the iteration fails
+      type(error_t), allocatable, intent(out) :: error
+      !> No eigenvectors (default false)
+      logical, intent(in), optional :: values_only
+      character(len=1) :: job
+      real(wp), allocatable :: work(:)
+      integer, allocatable :: iwork(:)
+      real(wp) :: room(1)
+      integer :: n, info, iroom(1)
+
+      n = size(lambda)
+      if (n == 0) return
+      job = job_of(values_only)
+      call dsyevd(job, 'U', n, a, size(a, 1), lambda, room, -1, iroom, -1, info)
+      allocate (work(int(room(1))), iwork(iroom(1)))
+      call dsyevd(job, 'U', n, a, size(a, 1), lambda, work, size(work), iwork, size(iwork), info)
+      if (info > 0) call failure(error, 'eigenvalues of a matrix of '//to_text(n)//' rows did not converge')
+   end subroutine eigen_symmetric
+
+   !> A x = lambda B x; eigenvalues ascend, X^T B X = I.
+   subroutine eigen_generalised(a, b, lambda, error, values_only)
+      !> (n, n) symmetric; its columns are the eigenvectors on return (destroyed with `values_only`)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      !> (n, n) symmetric positive definite; its Cholesky factor on return
+      real(wp), intent(inout), contiguous :: b(:, :)
+      !> (n)
+      real(wp), intent(out), contiguous :: lambda(:)
+      !> Where B is not positive definite or the iteration fails
+      type(error_t), allocatable, intent(out) :: error
+      !> No eigenvectors (default false)
+      logical, intent(in), optional :: values_only
+      character(len=1) :: job
+      real(wp), allocatable :: work(:)
+      integer, allocatable :: iwork(:)
+      real(wp) :: room(1)
+      integer :: n, info, iroom(1)
+
+      n = size(lambda)
+      if (n == 0) return
+      job = job_of(values_only)
+      call dsygvd(1, job, 'U', n, a, size(a, 1), b, size(b, 1), lambda, room, -1, iroom, -1, info)
+      allocate (work(int(room(1))), iwork(iroom(1)))
+      call dsygvd(1, job, 'U', n, a, size(a, 1), b, size(b, 1), lambda, work, size(work), iwork, size(iwork), info)
+      if (info > n) then
+         call failure(error, 'generalised eigenvalue problem: the second matrix is not positive definite: leading minor ' &
+                      //to_text(info - n))
+      else if (info > 0) then
+         call failure(error, 'generalised eigenvalues of a matrix of '//to_text(n)//' rows did not converge')
+      end if
+   end subroutine eigen_generalised
+
+   !> LAPACK's letter for "with or without eigenvectors".
+   pure character(len=1) function job_of(values_only)
+      logical, intent(in), optional :: values_only
+      job_of = 'V'
+      if (present(values_only)) job_of = merge('N', 'V', values_only)
+   end function job_of
+
+   subroutine product_symmetric_one(a, x, y)
+      !> (n, n)
+      real(wp), intent(in), contiguous :: a(:, :)
+      !> (n)
+      real(wp), intent(in), contiguous :: x(:)
+      !> (n)
+      real(wp), intent(out), contiguous :: y(:)
+
+      if (size(y) == 0) return
+      call dsymv('U', size(x), 1.0_wp, a, size(a, 1), x, 1, 0.0_wp, y, 1)
+   end subroutine product_symmetric_one
+
+   subroutine product_symmetric_many(a, x, y)
+      !> (n, n)
+      real(wp), intent(in), contiguous :: a(:, :)
+      !> (n, columns)
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> (n, columns)
+      real(wp), intent(out), contiguous :: y(:, :)
+
+      if (size(y) == 0) return
+      call dsymm('L', 'U', size(x, 1), size(x, 2), 1.0_wp, a, size(a, 1), x, size(x, 1), 0.0_wp, y, size(y, 1))
+   end subroutine product_symmetric_many
+
+   !> C <- factor op(A) op(B) + keep C, with op(X) = X or X^T.
+   subroutine product_of(a, b, c, transpose_a, transpose_b, factor, keep)
+      !> (m, k), or (k, m) with `transpose_a`
+      real(wp), intent(in), contiguous :: a(:, :)
+      !> (k, n), or (n, k) with `transpose_b`
+      real(wp), intent(in), contiguous :: b(:, :)
+      !> (m, n)
+      real(wp), intent(inout), contiguous :: c(:, :)
+      !> Default false
+      logical, intent(in), optional :: transpose_a, transpose_b
+      !> Default 1 and 0 (with `keep` = 0, C need not be defined)
+      real(wp), intent(in), optional :: factor, keep
+      character(len=1) :: letter_a, letter_b
+      real(wp) :: alpha, beta
+      integer :: inner
+
+      letter_a = 'N'
+      letter_b = 'N'
+      alpha = 1.0_wp
+      beta = 0.0_wp
+      if (present(transpose_a)) letter_a = merge('T', 'N', transpose_a)
+      if (present(transpose_b)) letter_b = merge('T', 'N', transpose_b)
+      if (present(factor)) alpha = factor
+      if (present(keep)) beta = keep
+      inner = merge(size(a, 2), size(a, 1), letter_a == 'N')
+      if (size(c) == 0) return
+      call dgemm(letter_a, letter_b, size(c, 1), size(c, 2), inner, alpha, a, max(1, size(a, 1)), &
+                 b, max(1, size(b, 1)), beta, c, size(c, 1))
+   end subroutine product_of
+
+   !> C <- factor A^T A + keep C, both triangles filled (C symmetric).
+   subroutine gram_product(a, c, factor, keep)
+      !> (k, n)
+      real(wp), intent(in), contiguous :: a(:, :)
+      !> (n, n)
+      real(wp), intent(inout), contiguous :: c(:, :)
+      !> Default 1 and 0 (with `keep` = 0, C need not be defined)
+      real(wp), intent(in), optional :: factor, keep
+      real(wp) :: alpha, beta
+
+      alpha = 1.0_wp
+      beta = 0.0_wp
+      if (present(factor)) alpha = factor
+      if (present(keep)) beta = keep
+      if (size(c) == 0) return
+      call dsyrk('U', 'T', size(c, 2), size(a, 1), alpha, a, max(1, size(a, 1)), beta, c, size(c, 1))
+      call mirror_upper(c)
+   end subroutine gram_product
+
+   !> Copy the upper triangle into the lower one, tile by tile so that large matrices stay in the cache.
+   pure subroutine mirror_upper(a)
+      !> (n, n)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      integer, parameter :: tile = 64
+      integer :: i, j, first_i, first_j, n
+
+      n = size(a, 2)
+      do first_j = 1, n, tile
+         do first_i = first_j, n, tile
+            do j = first_j, min(first_j + tile - 1, n)
+               do i = max(first_i, j + 1), min(first_i + tile - 1, n)
+                  a(i, j) = a(j, i)
+               end do
+            end do
+         end do
+      end do
+   end subroutine mirror_upper
+
+end module microslip_linalg_dense
