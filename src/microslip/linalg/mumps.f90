@@ -239,7 +239,7 @@ contains
       self%id%nrhs = size(rhs, 2)
       self%id%lrhs = size(rhs, 1)
       self%id%job = job_solve
-      ! The many small BLAS calls of a solution take two to five times as long with threads.
+      ! The many small BLAS calls of a solution gain nothing from threads and lose much on a busy machine.
       threads = omp_get_max_threads()
       call omp_set_num_threads(1)
       call dmumps(self%id)
