@@ -41,7 +41,7 @@ contains
          "   topography = 'SCAN', potential_margin = 1e-6 /"//nl// &
          "&interface side_a = 'a' side_b = 'Ground' friction = 0 young_modulus = 1e11 poisson_ratio = 0.3"//nl// &
          "   nx = 1 ny = 1 topography = 'smooth' potential = 'all' &end"//nl// &
-         "&topography name = 'smooth' source = 'hill' height = 1e-6 center = 0.1, 0 width = 0.02 level = 'mean' /"//nl// &
+         "&topography name = 'smooth' source = 'hill' height = 1e-6 center = 0.1, 0 level = 'mean' /"//nl// &
          "&topography name = 'scan' source = 'file' file = 'scan.h5' z_name = 'gap' unit_length = 'um' sense = 'gap'"//nl// &
          "   level = 'plane' filter_wavelength = 1e-3 offset = 1e-3, 0 rotation = 90 scale = 0.5 /"//nl// &
          "&reduction method = 'macneal' cutoff_frequency = 5000 cache = 'beam.cache' /"//nl// &

@@ -76,8 +76,13 @@ contains
       highest = maxloc(h, dim=1)
       call check(error, norm2(position(:, highest)) < 5.5e-3_wp, 'the summit is not at the bore')
       if (allocated(error)) return
-      call check(error, maxval(h + height_pp, mask=abs(position(1, :)) > 0.95_wp*upper(1)) < 0.02_wp*height_pp, &
-         & 'not flat at the edge')
+      call check(error, maxval(h + height_pp, mask=norm2(position, dim=1) > 0.95_wp*norm2(upper)) < 0.02_wp*height_pp, &
+         & 'not flat at the corner')
+      if (allocated(error)) return
+      ! Round: the height falls with the distance alone, the same along both axes.
+      call hill%heights(reshape([0.0_wp, 0.0_wp, 7.0e-3_wp, 0.0_wp, 0.0_wp, -7.0e-3_wp, 9.0e-3_wp, 0.0_wp, upper], [2, 5]), &
+         & h, problem)
+      call check(error, abs(h(2) - h(3)) <= tol*height_pp .and. h(4) < h(3), 'not round')
    end subroutine test_hill
 
    !> Continuous over the summit's lines and symmetric only where it should be.
@@ -89,11 +94,12 @@ contains
       real(wp), allocatable :: h(:)
 
       call new_hill(hill, lower, upper, summit, height_pp, problem)
-      call hill%heights(reshape([summit, summit - [1.0e-9_wp, 0.0_wp], summit + [1.0e-9_wp, 0.0_wp], upper, lower], [2, 5]), &
-         & h, problem)
+      call hill%heights(reshape([summit, summit - [1.0e-9_wp, 0.0_wp], summit + [1.0e-9_wp, 0.0_wp], upper, lower, &
+         & lower(1), upper(2)], [2, 6]), h, problem)
       call check(error, h(1) >= h(2) .and. maxval(abs(h(:3))) < 1.0e-12_wp*height_pp)
       if (allocated(error)) return
-      call check(error, maxval(abs(h(4:5) + height_pp)) <= tol*height_pp)
+      ! The lowest point is the farthest corner, here that of low t1 and high t2.
+      call check(error, abs(h(6) + height_pp) <= tol*height_pp .and. all(h(4:5) > h(6)))
    end subroutine test_hill_off_centre
 
    subroutine test_waviness(error)
