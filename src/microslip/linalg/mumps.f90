@@ -3,13 +3,17 @@
 !> A = L D L^T, or of a part of it: with `schur_rows` (the rows b, all others being r) the interior block A_rr is
 !> factorised and the Schur complement A_bb - A_br A_rr^-1 A_rb is formed.
 !>
-!> MUMPS controls used (its users' guide, version 5.5): ICNTL(7) = 4 PORD ordering, the same from run to run
-!> (with Schur rows MUMPS quietly takes a minimum degree ordering; PORD's own order with the Schur rows moved to
-!> its end, ICNTL(7) = 1, needs 0.6 times the operations);
-!> ICNTL(14) spare workspace in per cent; ICNTL(19) = 3 Schur complement with both triangles; ICNTL(24) = 1
-!> detection of null pivots (works with SYM = 2 and CNTL(1) > 0 only, misses them quietly otherwise); ICNTL(26) = 0 solutions with A_rr,
-!> zero on the rows b; ICNTL(27) right-hand sides treated together; INFOG(12) negative pivots; PIVNUL_LIST
-!> rows of the null pivots.
+!> MUMPS controls used (its users' guide, version 5.5):
+!>   ICNTL(7) = 4   PORD ordering, the same from run to run. With Schur rows MUMPS quietly takes a minimum degree
+!>                  ordering; PORD's own order with these rows moved to its end (ICNTL(7) = 1) needs 0.6 times the
+!>                  operations
+!>   ICNTL(14)      spare workspace in per cent
+!>   ICNTL(19) = 3  Schur complement with both triangles
+!>   ICNTL(24) = 1  null pivots, their rows in PIVNUL_LIST; works with SYM = 2 and CNTL(1) > 0 only, and misses
+!>                  them quietly otherwise
+!>   ICNTL(26) = 0  solutions with A_rr, zero on the rows b
+!>   ICNTL(27)      right-hand sides treated together
+!>   INFOG(12)      negative pivots
 module microslip_linalg_mumps
    use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    use microslip_core_error, only: error_t, failure
