@@ -1,7 +1,7 @@
 !> The program: reads the command line, runs the cases, ends with an exit status.
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
-   use microslip_cli_blas_kernel, only: ensure_fast_blas
+   use microslip_cli_process_environment, only: prepare_process
    use microslip_cli_command_line, only: command_line_t, parse_command_line, process_arguments, help_text
    use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t
@@ -12,7 +12,7 @@ program main
    type(error_t), allocatable :: error
    character(len=:), allocatable :: warning
 
-   call ensure_fast_blas(warning)
+   call prepare_process(warning)
    if (warning /= '') write (error_unit, '(2a)') 'microslip: warning: ', warning
    call parse_command_line(process_arguments(), line, error)
    if (.not. allocated(error)) then

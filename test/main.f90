@@ -32,7 +32,7 @@ program main
    use test_linalg_sparse_algebra, only: collect_linalg_sparse_algebra
    use test_surface_height_map, only: collect_surface_height_map
    use test_surface_topography, only: collect_surface_topography
-   use microslip_cli_blas_kernel, only: ensure_fast_blas
+   use microslip_cli_process_environment, only: prepare_process
    use testdrive, only: run_testsuite, run_selected, new_testsuite, testsuite_type, unittest_type, select_suite, &
       & get_argument
    implicit none(type, external)
@@ -41,7 +41,7 @@ program main
    character(len=:), allocatable :: suite, test, warning
    integer :: k, total, failed
 
-   call ensure_fast_blas(warning)
+   call prepare_process(warning)
    if (warning /= '') write (error_unit, '(a)') warning
 
    suites = [ &

@@ -43,7 +43,7 @@ module microslip_analysis_preload
    type :: preload_record_t
       !> Contact solves and iterations in them
       integer :: solves = 0, iterations = 0
-      !> Of the last solve: see `solve_record_t`
+      !> Of the last solve: see `solve_record_t`; the residual includes what gap = r_0 + R a + G lambda misses
       real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
       !> Largest relative deviation of an interface force from what was asked
       real(wp) :: force_deviation = 0.0_wp
@@ -329,7 +329,12 @@ contains
       ! Points outside the solver's base set know their normal gap only.
       gap = gap_of(problem, now%q, now%force)
       do p = 1, problem%n_points
-         if (now%status(p) == state_open) state%contact%gap(:, p) = gap(:, p)
+         if (now%status(p) == state_open) then
+            state%contact%gap(:, p) = gap(:, p)
+         else
+            record%residual = max(record%residual, maxval(abs(gap(:, p) - now%gap(:, p)))/ &
+               & (problem%G(3*p - 2, 3*p - 2)*maxval(now%force)))
+         end if
       end do
       record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points])))
    end subroutine finish

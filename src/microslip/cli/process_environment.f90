@@ -1,15 +1,19 @@
+!> Settings that libraries read from the environment when they are loaded, too early for the program to make
+!> them: it makes them and starts itself anew, once.
+!>
 !> OpenBLAS picks its kernels by a list of processors; older versions fall back to SSE3 kernels on newer
-!> processors, several times slower. The choice is made when the library is loaded, so the remedy is to name
-!> the right kernels in the environment and to start the program anew, once.
-module microslip_cli_blas_kernel
+!> processors, several times slower. OpenMP threads that wait spin by default, and on a busy machine take the
+!> processor from those they wait for: everything is tens of times slower then, so they shall sleep.
+module microslip_cli_process_environment
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_f_pointer, c_loc, c_associated
    use microslip_core_text, only: lower_case
    implicit none(type, external)
    private
 
-   public :: ensure_fast_blas, blas_kernel_name
+   public :: prepare_process, blas_kernel_name
 
-   character(len=*), parameter :: kernel_variable = 'OPENBLAS_CORETYPE', restarted_variable = 'MICROSLIP_BLAS_RESTARTED'
+   character(len=*), parameter :: kernel_variable = 'OPENBLAS_CORETYPE', wait_variable = 'OMP_WAIT_POLICY', &
+      & restarted_variable = 'MICROSLIP_RESTARTED'
    !> Kernels that know neither AVX2 nor FMA.
    character(len=*), parameter :: slow_kernels(*) = [character(len=12) :: 'generic', 'katmai', 'coppermine', 'northwood', &
       & 'prescott', 'banias', 'atom', 'core2', 'penryn', 'dunnington', 'nehalem', 'sandybridge', 'athlon', 'opteron', &
@@ -58,33 +62,42 @@ contains
       end do
    end function blas_kernel_name
 
-   !> Start the program anew with fast kernels where OpenBLAS has chosen slow ones; warn where that fails.
-   !> To be called first thing; it returns when nothing is (or can be) done.
-   subroutine ensure_fast_blas(warning)
+   !> Make the settings that are missing and start the program anew; warn where slow kernels stay. To be called
+   !> first thing; it returns when nothing is (or can be) done. What the user has set is left alone.
+   subroutine prepare_process(warning)
       !> What to tell the user, empty if all is well
       character(len=:), allocatable, intent(out) :: warning
-      character(len=:), allocatable :: better
-      character(len=64) :: value
-      integer :: length, status
+      character(len=:), allocatable :: kernel
+      logical :: changed
 
       warning = ''
-      if (.not. any(slow_kernels == lower_case(blas_kernel_name()))) return
-      better = better_kernel()
-      if (better == '') return
-      call get_environment_variable(kernel_variable, value, length, status)
-      if (status == 0 .and. length > 0) then
-         warning = 'OpenBLAS runs its slow '//blas_kernel_name()//' kernels because '//kernel_variable// &
-            & ' asks for them; this processor can run '//better
-         return
+      kernel = ''
+      if (any(slow_kernels == lower_case(blas_kernel_name()))) kernel = better_kernel()
+      changed = .false.
+      if (.not. is_set(restarted_variable)) then
+         if (kernel /= '' .and. .not. is_set(kernel_variable)) changed = set(kernel_variable, kernel)
+         if (.not. (is_set(wait_variable) .or. is_set('GOMP_SPINCOUNT'))) changed = set(wait_variable, 'passive') .or. changed
+         if (changed) changed = set(restarted_variable, '1')
+         if (changed) call start_anew()
       end if
-      call get_environment_variable(restarted_variable, length=length, status=status)
-      if (status /= 0) then
-         if (c_setenv(kernel_variable//c_null_char, better//c_null_char, 1_c_int) == 0 .and. &
-            & c_setenv(restarted_variable//c_null_char, '1'//c_null_char, 1_c_int) == 0) call start_anew()
-      end if
-      warning = 'OpenBLAS runs its slow '//blas_kernel_name()//' kernels; set '//kernel_variable//'='//better// &
-         & ' in the environment'
-   end subroutine ensure_fast_blas
+      if (kernel /= '') warning = 'OpenBLAS runs its slow '//blas_kernel_name()//' kernels; set '//kernel_variable// &
+         & '='//kernel//' in the environment'
+   end subroutine prepare_process
+
+   !> Whether an environment variable is there and not empty.
+   logical function is_set(name)
+      character(len=*), intent(in) :: name
+      integer :: length, status
+
+      call get_environment_variable(name, length=length, status=status)
+      is_set = status == 0 .and. length > 0
+   end function is_set
+
+   !> Set an environment variable; whether that worked.
+   logical function set(name, value)
+      character(len=*), intent(in) :: name, value
+      set = c_setenv(name//c_null_char, value//c_null_char, 1_c_int) == 0
+   end function set
 
    !> Kernels this processor can run, empty if it knows no AVX2 (or is no x86).
    function better_kernel() result(kernel)
@@ -127,4 +140,4 @@ contains
       status = c_execv('/proc/self/exe'//c_null_char, argv)
    end subroutine start_anew
 
-end module microslip_cli_blas_kernel
+end module microslip_cli_process_environment
