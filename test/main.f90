@@ -1,6 +1,8 @@
 !> Runs the tests: all of them, one suite, or one test (`tester [suite [test]]`).
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit
+   use test_calculix_agreement, only: collect_calculix_agreement
+   use test_contact_half_space, only: collect_contact_half_space
    use test_contact_solvers, only: collect_contact_solvers
    use test_fe_condensation, only: collect_fe_condensation
    use test_fe_element, only: collect_fe_element
@@ -45,6 +47,8 @@ program main
    if (warning /= '') write (error_unit, '(a)') warning
 
    suites = [ &
+      & new_testsuite('calculix_agreement', collect_calculix_agreement), &
+      & new_testsuite('contact_half_space', collect_contact_half_space), &
       & new_testsuite('contact_solvers', collect_contact_solvers), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &
       & new_testsuite('fe_element', collect_fe_element), &
@@ -85,7 +89,7 @@ program main
       k = select_suite(suites, suite)
       if (k == 0) then
          write (error_unit, '(2a)') 'no such suite: ', suite
-         error stop
+         stop 2, quiet=.true.
       end if
       if (allocated(test)) then
          total = 1

@@ -2,6 +2,7 @@
 !>
 !> Symmetric matrices are stored in full. Where a procedure reads one triangle only, it is the upper one.
 module microslip_linalg_dense
+   use, intrinsic :: iso_fortran_env, only: real32
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
@@ -15,6 +16,8 @@ module microslip_linalg_dense
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
    !> threads, which takes longer than the product.
    integer, parameter :: threading_pays = 512
+   !> Size from which a factor in single precision with refinement is faster than one in double.
+   integer, parameter :: single_precision_pays = 128
 
    !> Solve A X = B with the Cholesky factor of A; B holds X on return.
    interface cholesky_solve
@@ -60,6 +63,15 @@ module microslip_linalg_dense
          real(wp), intent(inout) :: a(lda, *), b(ldb, *)
          integer, intent(out) :: pivot(*), info
       end subroutine dgesv
+
+      subroutine dsgesv(n, nrhs, a, lda, pivot, b, ldb, x, ldx, work, swork, iter, info)
+         import :: wp, real32
+         integer, intent(in) :: n, nrhs, lda, ldb, ldx
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         real(wp), intent(out) :: x(ldx, *), work(n, *)
+         real(real32), intent(out) :: swork(*)
+         integer, intent(out) :: pivot(*), iter, info
+      end subroutine dsgesv
 
       subroutine dsyevd(jobz, uplo, n, a, lda, w, work, lwork, iwork, liwork, info)
          import :: wp
@@ -164,7 +176,10 @@ contains
       call mirror_upper(a)
    end subroutine inverse_spd
 
-   !> Solve A X = B by LU factorisation with partial pivoting.
+   !> Solve A X = B by LU factorisation with partial pivoting, to double precision.
+   !>
+   !> Larger matrices are factorised in single precision, in half the time, and the solution is refined to double;
+   !> LAPACK goes back to a factor in double where that does not converge.
    subroutine solve_general(a, b, error)
       !> (n, n), destroyed
       real(wp), intent(inout), contiguous :: a(:, :)
@@ -173,11 +188,21 @@ contains
       !> Where A is singular
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: pivot(:)
-      integer :: info
+      real(wp), allocatable :: x(:, :), work(:, :)
+      real(real32), allocatable :: single(:)
+      integer :: n, m, info, refinements
 
       if (size(b) == 0) return
-      allocate (pivot(size(a, 1)))
-      call dgesv(size(a, 1), size(b, 2), a, size(a, 1), pivot, b, size(b, 1), info)
+      n = size(a, 1)
+      m = size(b, 2)
+      allocate (pivot(n))
+      if (n < single_precision_pays) then
+         call dgesv(n, m, a, n, pivot, b, n, info)
+      else
+         allocate (x(n, m), work(n, m), single(n*(n + m)))
+         call dsgesv(n, m, a, n, pivot, b, n, x, n, work, single, refinements, info)
+         b = x
+      end if
       if (info > 0) call failure(error, 'matrix of '//to_text(size(a, 1))//' rows is singular: pivot '//to_text(info))
    end subroutine solve_general
 
