@@ -64,7 +64,8 @@ contains
             case ('--threads')
                call take_value(value)
                if (.not. allocated(value)) cycle
-               read (value, *, iostat=status) line%threads
+               status = verify(value, '0123456789')
+               if (status == 0) read (value, '(i20)', iostat=status) line%threads
                if (status /= 0 .or. line%threads < 1) call fault("--threads '"//value//"': a number from 1 up is allowed")
             case ('--restart')
                call fault('--restart: not available in this version')
@@ -85,15 +86,17 @@ contains
 
    contains
 
-      !> The argument after an option is its value.
+      !> The argument after an option is its value, unless it is an option itself.
       subroutine take_value(target)
          character(len=:), allocatable, intent(out) :: target
-         if (k == size(arguments)) then
-            call fault(arguments(k)%text//': a value must follow')
-         else
-            k = k + 1
-            target = arguments(k)%text
+         if (k < size(arguments)) then
+            if (index(arguments(k + 1)%text, '--') /= 1) then
+               k = k + 1
+               target = arguments(k)%text
+               return
+            end if
          end if
+         call fault(arguments(k)%text//': a value must follow')
       end subroutine take_value
 
       subroutine fault(message)

@@ -242,10 +242,18 @@ contains
       call run%clock%stop('contact matrices')
       call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
          & //to_text(run%system%grid_point_count())//' grid points in potential contact')
-      call run%results%write_model(run%system, run%reduced, error)
-      if (.not. allocated(error)) call run%results%write_interfaces(run%system, error)
+      call write_system(run, error)
       call run%clock%stop('write')
    end subroutine build_system
+
+   !> Sizes and interfaces into the result file; again when the potential contact set has grown.
+   subroutine write_system(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+
+      call run%results%write_model(run%system, run%reduced, error)
+      if (.not. allocated(error)) call run%results%write_interfaces(run%system, error)
+   end subroutine write_system
 
    !> Diagonal of D from the damping asked for, (modes), 1/s.
    function damping(run) result(d)
@@ -339,7 +347,8 @@ contains
          & //to_text(record%force_deviation, 2)//'), '//to_text(count(run%state%contact%status > 0))//' points closed, ' &
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
-      call run%results%write_preload(run%system, run%state, record, node_load_names(run), error)
+      if (round > 1) call write_system(run, error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, node_load_names(run), error)
       call run%clock%stop('write')
    end subroutine preload
 
@@ -396,6 +405,7 @@ contains
       call run_transient(run%system, run%state, options, contact_options(run), recorder, record, error)
       call recorder%write_summary(record, ignored)
       call recorder%close(ignored)
+      if (record%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
       call run%clock%stop('transient')
       call run%log%line('transient: '//to_text(record%steps)//' steps of '//to_text(options%time_step)//' s, ' &
          & //to_text(record%iterations)//' iterations ('//to_text(record%rescues)//' rescues, '//to_text(record%set_changes) &

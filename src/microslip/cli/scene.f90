@@ -101,7 +101,10 @@ contains
       integer :: k
 
       call find_interface(record, model, contact, error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         error%message = case%path//': '//error%message
+         return
+      end if
       call make_grid(record, contact, grid, error)
       if (.not. allocated(error)) call make_surface(case, record, grid, surface, error)
       if (.not. allocated(error)) call surface%heights(grid%position, height, error)

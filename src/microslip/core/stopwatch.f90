@@ -46,7 +46,7 @@ contains
       name = stage
       k = findloc(self%stage, name, dim=1)
       if (k == 0) then
-         self%stage = [self%stage, name]
+         self%stage = [character(len=24) :: self%stage, name]
          self%seconds = [self%seconds, 0.0_wp]
          self%count = [self%count, 0]
          k = size(self%stage)

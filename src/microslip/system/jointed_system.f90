@@ -9,10 +9,10 @@
 module microslip_system_jointed_system
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t, failure
-   use microslip_core_kinds, only: wp, pi
+   use microslip_core_kinds, only: wp
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
-   use microslip_linalg_dense, only: inverse_spd, product_of, product_symmetric
+   use microslip_linalg_dense, only: eigen_symmetric, inverse_spd, product_of, product_symmetric
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
    private
@@ -34,6 +34,8 @@ module microslip_system_jointed_system
       real(wp), allocatable :: load_modal(:, :), load_load(:, :)
       !> (modes, sensors), (3 points, sensors), (loads, sensors): u = modal^T d_i + contact^T lambda + load^T a
       real(wp), allocatable :: sensor_modal(:, :), sensor_contact(:, :), sensor_load(:, :)
+      !> Highest angular frequency with all of the boundary tied, rad/s
+      real(wp), private :: omega_max = 0.0_wp
       !> (points) index that each point had before the potential contact set was last changed, 0: it is new
       integer, allocatable :: previous_index(:)
       !> F, (boundary, boundary), and K_bi, (boundary, modes)
@@ -66,7 +68,7 @@ contains
       real(wp), intent(in) :: damping(:)
       type(jointed_system_t), intent(out) :: system
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: work(:, :)
+      real(wp), allocatable :: work(:, :), lambda(:)
       integer :: k
 
       system%n_modes = size(reduced%frequency)
@@ -87,7 +89,13 @@ contains
          return
       end if
 
-      allocate (work, mold=reduced%K_bi)
+      work = reduced%K_ii
+      allocate (lambda(system%n_modes))
+      call eigen_symmetric(work, lambda, error, values_only=.true.)
+      if (allocated(error)) return
+      system%omega_max = sqrt(maxval(lambda))
+
+      work = reduced%K_bi
       call product_symmetric(system%flexibility, reduced%K_bi, work)
       system%stiffness = reduced%K_ii
       call product_of(reduced%K_bi, work, system%stiffness, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
@@ -100,10 +108,11 @@ contains
       system%sensor_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%sensor_boundary))
    end subroutine new_system
 
-   !> Highest angular frequency of the component modes, rad/s: it limits the time step.
+   !> Highest angular frequency that any contact state can have, rad/s: it limits the time step. It is that of the tied
+   !> structure, from K_ii (with Craig-Bampton the highest component mode, with MacNeal above it).
    pure real(wp) function highest_angular_frequency(self)
       class(jointed_system_t), intent(in) :: self
-      highest_angular_frequency = 2.0_wp*pi*maxval(self%frequency)
+      highest_angular_frequency = self%omega_max
    end function highest_angular_frequency
 
    !> Number of grid points of all pads, whether in potential contact or not.
