@@ -1,7 +1,11 @@
 !> Runs the tests: all of them, one suite, or one test (`tester [suite [test]]`).
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit
+   use test_analysis_linear_modes, only: collect_analysis_linear_modes
+   use test_analysis_preload, only: collect_analysis_preload
+   use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
+   use test_cli, only: collect_cli
    use test_contact_half_space, only: collect_contact_half_space
    use test_contact_solvers, only: collect_contact_solvers
    use test_fe_condensation, only: collect_fe_condensation
@@ -47,7 +51,11 @@ program main
    if (warning /= '') write (error_unit, '(a)') warning
 
    suites = [ &
+      & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
+      & new_testsuite('analysis_preload', collect_analysis_preload), &
+      & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
+      & new_testsuite('cli', collect_cli), &
       & new_testsuite('contact_half_space', collect_contact_half_space), &
       & new_testsuite('contact_solvers', collect_contact_solvers), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &

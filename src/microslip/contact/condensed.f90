@@ -13,7 +13,7 @@ module microslip_contact_condensed
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: inverse_spd
+   use microslip_linalg_dense, only: inverse_spd, product_symmetric
    implicit none(type, external)
    private
 
@@ -72,7 +72,7 @@ contains
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
-      real(wp), allocatable :: difference(:)
+      real(wp), allocatable :: difference(:), force(:), gap_outside(:)
       integer :: j, p, k
 
       allocate (difference(3*size(self%base%inside)))
@@ -81,9 +81,14 @@ contains
          k = 3*p - 2
          difference(3*j - 2:3*j) = state%gap(:, p) - problem%r_0(k:k + 2)
       end do
-      self%force = matmul(self%base%S, state%q) + matmul(self%base%M, difference)
-      self%gap_outside = problem%r_0(3*self%base%outside - 2) + matmul(self%base%N, state%q) &
-         & + matmul(self%base%T, difference)
+      force = difference
+      call product_symmetric(self%base%M, difference, force)
+      force = force + matmul(self%base%S, state%q)
+      gap_outside = problem%r_0(3*self%base%outside - 2)
+      gap_outside = gap_outside + matmul(self%base%N, state%q)
+      gap_outside = gap_outside + matmul(self%base%T, difference)
+      call move_alloc(force, self%force)
+      call move_alloc(gap_outside, self%gap_outside)
       self%steps_since_refresh = 0
    end subroutine refresh
 
