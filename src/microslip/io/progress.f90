@@ -82,7 +82,7 @@ contains
       real(wp), intent(in) :: time
       !> Points that are open, stick, slip
       integer, intent(in) :: counts(3)
-      real(wp) :: now, elapsed, weight
+      real(wp) :: now, elapsed, weight, speed
 
       if (self%silent) return
       self%calls_left = self%calls_left - 1
@@ -94,8 +94,11 @@ contains
       self%calls_left = self%stride
       ! The latest rate counts most: a run gets faster as its motion decays.
       if (time > self%seen_time) then
-         weight = merge(1.0_wp, elapsed/(elapsed + averaging_time), self%rate == 0.0_wp)
-         self%rate = (1.0_wp - weight)*self%rate + weight*elapsed/(time - self%seen_time)
+         ! Speeds are averaged over wall time, at first over all of it, so that a slow start is soon forgotten.
+         weight = min(1.0_wp, elapsed/max(tiny(1.0_wp), min(now - self%started, averaging_time)))
+         speed = weight*(time - self%seen_time)/max(tiny(1.0_wp), elapsed)
+         if (self%rate > 0.0_wp) speed = speed + (1.0_wp - weight)/self%rate
+         if (speed > 0.0_wp) self%rate = 1.0_wp/speed
       end if
       self%seen = now
       self%seen_time = time
