@@ -48,6 +48,7 @@ contains
       !> Points of the base set
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: cross(:, :)
       integer, allocatable :: rows(:)
 
       call partition(self, problem%n_points, points)
@@ -58,9 +59,9 @@ contains
          error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
          return
       end if
-      self%S = -multiply(self%M, problem%R(rows, :))
-      self%T = multiply(problem%G(3*self%outside - 2, rows), self%M)
-      call update_outside_slope(self, problem)
+      cross = problem%G(3*self%outside - 2, rows)
+      self%T = multiply(cross, self%M)
+      call update_slopes(self, problem)
       self%changes = 0
    end subroutine build
 
@@ -70,7 +71,7 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: U(:, :), schur(:, :), US(:, :), M(:, :), T(:, :), border(:, :)
+      real(wp), allocatable :: cross(:, :), U(:, :), U_t(:, :), schur(:, :), US(:, :), M(:, :), T(:, :), border(:, :)
       integer, allocatable :: rows(:), new(:), kept(:)
       integer :: n, k, j
 
@@ -82,8 +83,10 @@ contains
       new = unknowns(points)
       n = size(rows)
       k = size(new)
-      U = multiply(self%M, problem%G(rows, new))
-      schur = problem%G(new, new) - multiply(transpose(U), problem%G(rows, new))
+      cross = problem%G(rows, new)
+      U = multiply(self%M, cross)
+      U_t = transpose(U)
+      schur = problem%G(new, new) - multiply(U_t, cross)
       schur = 0.5_wp*(schur + transpose(schur))
       call inverse_spd(schur, error)
       if (allocated(error)) then
@@ -93,7 +96,7 @@ contains
       US = multiply(U, schur)
 
       allocate (M(n + k, n + k))
-      M(:n, :n) = multiply(US, transpose(U))
+      M(:n, :n) = multiply(US, U_t)
       do j = 1, n
          M(:j, j) = self%M(:j, j) + 0.5_wp*(M(:j, j) + M(j, :j))
       end do
@@ -106,18 +109,18 @@ contains
 
       ! Rows of T for the points that stay outside.
       kept = pack([(j, j=1, size(self%outside))], [(all(points /= self%outside(j)), j=1, size(self%outside))])
-      border = problem%G(3*self%outside(kept) - 2, new) - multiply(self%T(kept, :), problem%G(rows, new))
+      self%T = self%T(kept, :)
+      border = problem%G(3*self%outside(kept) - 2, new) - multiply(self%T, cross)
       border = multiply(border, schur)
       allocate (T(size(kept), n + k))
-      T(:, :n) = self%T(kept, :) - multiply(border, transpose(U))
+      T(:, :n) = self%T - multiply(border, U_t)
       T(:, n + 1:) = border
 
       call move_alloc(M, self%M)
       call move_alloc(T, self%T)
       k = self%changes + size(points)
       call partition(self, problem%n_points, [self%inside, points])
-      self%S = -multiply(self%M, problem%R(unknowns(self%inside), :))
-      call update_outside_slope(self, problem)
+      call update_slopes(self, problem)
       self%changes = k
    end subroutine enter
 
@@ -127,7 +130,7 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: W(:, :), own(:, :), M(:, :), T(:, :)
+      real(wp), allocatable :: W(:, :), own(:, :), cross(:, :), M(:, :), T(:, :)
       integer, allocatable :: stay(:), gone(:), rows(:), outside(:)
       integer :: j, k
 
@@ -144,8 +147,10 @@ contains
          call self%build(problem, stay, error)
          return
       end if
-      W = multiply(own, self%M(gone, rows))   ! = -G_gone,stay M_new
-      M = self%M(rows, rows) - multiply(self%M(rows, gone), W)
+      cross = self%M(gone, rows)
+      W = multiply(own, cross)   ! = -G_gone,stay M_new
+      cross = self%M(rows, gone)
+      M = self%M(rows, rows) - multiply(cross, W)
       do j = 1, size(rows)
          M(:j, j) = 0.5_wp*(M(:j, j) + M(j, :j))
          M(j, :j - 1) = M(:j - 1, j)
@@ -154,7 +159,8 @@ contains
       outside = self%outside
       k = size(outside)
       allocate (T(k + size(points), size(rows)))
-      T(:k, :) = self%T(:, rows) - multiply(self%T(:, gone), W)
+      cross = self%T(:, gone)
+      T(:k, :) = self%T(:, rows) - multiply(cross, W)
       do j = 1, size(points)
          T(k + j, :) = -W(3*j - 2, :)
       end do
@@ -164,19 +170,20 @@ contains
       ! `partition` lists the points outside in ascending order: sort the rows of T the same way.
       outside = [outside, points]
       self%T = T(order_of(outside, problem%n_points), :)
-      self%S = -multiply(self%M, problem%R(unknowns(self%inside), :))
-      call update_outside_slope(self, problem)
+      call update_slopes(self, problem)
       self%changes = k
    end subroutine leave
 
-   !> N = R_n,o + G_n,oA S.
-   subroutine update_outside_slope(self, problem)
+   !> S = -M R_A and N = R_n,o + G_n,oA S = R_n,o - T R_A.
+   subroutine update_slopes(self, problem)
       class(base_set_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
+      real(wp), allocatable :: R_A(:, :)
 
-      ! G_n,oA S = -G_n,oA M R_A = -T R_A
-      self%N = problem%R(3*self%outside - 2, :) - multiply(self%T, problem%R(unknowns(self%inside), :))
-   end subroutine update_outside_slope
+      R_A = problem%R(unknowns(self%inside), :)
+      self%S = -multiply(self%M, R_A)
+      self%N = problem%R(3*self%outside - 2, :) - multiply(self%T, R_A)
+   end subroutine update_slopes
 
    !> Lists of the points inside (as given) and outside (ascending).
    subroutine partition(self, n_points, points)

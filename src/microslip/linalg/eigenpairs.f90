@@ -250,7 +250,8 @@ contains
       theta = value(order(:size(theta)))
       call check_existence(theta, error)
       if (allocated(error)) return
-      call product_of(moved, b(:, order(:size(theta))), vectors)
+      b = b(:, order(:size(theta)))
+      call product_of(moved, b, vectors)
       do k = 1, size(theta)
          vectors(:, k) = vectors(:, k)/theta(k)
       end do
