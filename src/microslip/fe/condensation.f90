@@ -11,6 +11,7 @@ module microslip_fe_condensation
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve
    use microslip_linalg_sparse, only: from_triplets, symmetric_sparse_t
    implicit none(type, external)
    private
@@ -19,24 +20,6 @@ module microslip_fe_condensation
 
    !> A pivot below this part of the block's diagonal entry means a singular block.
    real(wp), parameter :: smallest_pivot = 1.0e3_wp*epsilon(1.0_wp)
-
-   interface
-      subroutine dpotrf(uplo, n, a, lda, info)
-         import :: wp
-         character(len=1), intent(in) :: uplo
-         integer, intent(in) :: n, lda
-         real(wp), intent(inout) :: a(lda, *)
-         integer, intent(out) :: info
-      end subroutine dpotrf
-      subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
-         import :: wp
-         character(len=1), intent(in) :: uplo
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(in) :: a(lda, *)
-         real(wp), intent(inout) :: b(ldb, *)
-         integer, intent(out) :: info
-      end subroutine dpotrs
-   end interface
 
    !> Entries of a matrix while it is assembled.
    type :: triplets_t
@@ -214,26 +197,26 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: neighbour(:)
       real(wp), allocatable :: k_hh(:, :), k_hk(:, :), m_hh(:, :), m_hk(:, :), t(:, :), factor(:, :), k_add(:, :), m_add(:, :)
-      integer :: i, j, info, n
+      logical :: singular
+      integer :: i, j, n
 
       n = size(block)
       call list_neighbours()
       call gather(rows_k, k_hh, k_hk)
       call gather(rows_m, m_hh, m_hk)
       allocate (factor, source=k_hh)
-      call dpotrf('L', n, factor, n, info)
-      if (info == 0) then
-         do i = 1, n
-            if (factor(i, i)**2 <= smallest_pivot*k_hh(i, i)) info = i
-         end do
-      end if
-      if (info /= 0) then
-         call bad_input(error, 'hidden row '//to_text(findloc(place, -block(info), dim=1))// &
+      call cholesky_factor(factor, error)
+      singular = allocated(error)
+      do i = 1, n
+         if (.not. singular) singular = factor(i, i)**2 <= smallest_pivot*k_hh(i, i)
+      end do
+      if (singular) then
+         call bad_input(error, 'hidden row '//to_text(findloc(place, -block(1), dim=1))// &
             ': the stiffness of its block is singular, so that it cannot be condensed')
          return
       end if
       t = -k_hk
-      call dpotrs('L', n, size(neighbour), factor, n, t, n, info)
+      call cholesky_solve(factor, t)
       k_add = matmul(transpose(k_hk), t)
       m_add = matmul(transpose(m_hk), t)
       m_add = m_add + transpose(m_add) + matmul(transpose(t), matmul(m_hh, t))

@@ -69,90 +69,69 @@ contains
       !> (entries)
       real(wp), intent(in) :: value(:)
       type(symmetric_sparse_t) :: matrix
-      integer, allocatable :: by_column(:), start(:), position(:), col(:)
-      real(wp), allocatable :: val(:)
-      integer :: k, i, j, m, total, kept, first
+      integer, allocatable :: upper_row(:), upper_column(:), order(:), start(:)
+      real(wp), allocatable :: entry(:)
+      integer :: i, m, k, kept, first
 
-      ! Two stable counting sorts, by column and then by row, with the n diagonal places in front.
-      total = size(value) + n
-      allocate (start(n + 1), by_column(total))
-      start = 0
-      do k = 1, total
-         j = column_of(k)
-         start(j + 1) = start(j + 1) + 1
-      end do
-      start(1) = 1
-      do j = 1, n
-         start(j + 1) = start(j + 1) + start(j)
-      end do
-      position = start
-      do k = 1, total
-         j = column_of(k)
-         by_column(position(j)) = k
-         position(j) = position(j) + 1
-      end do
-      start = 0
-      do k = 1, total
-         i = row_of(k)
-         start(i + 1) = start(i + 1) + 1
-      end do
-      start(1) = 1
-      do i = 1, n
-         start(i + 1) = start(i + 1) + start(i)
-      end do
-      position = start
-      allocate (col(total), val(total))
-      do m = 1, total
-         k = by_column(m)
-         i = row_of(k)
-         col(position(i)) = column_of(k)
-         val(position(i)) = 0.0_wp
-         if (k > n) val(position(i)) = value(k - n)
-         position(i) = position(i) + 1
-      end do
+      ! The diagonal comes first, so that every row has its place there.
+      upper_row = [(i, i=1, n), min(row, column)]
+      upper_column = [(i, i=1, n), max(row, column)]
+      entry = [spread(0.0_wp, 1, n), value]
+      order = [(i, i=1, size(entry))]
+      call sort_stably(upper_column, n, order, start)
+      call sort_stably(upper_row, n, order, start)
 
       matrix%n = n
-      allocate (matrix%row_start(n + 1))
+      allocate (matrix%row_start(n + 1), matrix%column(size(entry)), matrix%value(size(entry)))
       kept = 0
       do i = 1, n
-         matrix%row_start(i) = kept + 1
          first = kept + 1
+         matrix%row_start(i) = first
          do m = start(i), start(i + 1) - 1
+            k = order(m)
             if (kept >= first) then
-               if (col(kept) == col(m)) then
-                  val(kept) = val(kept) + val(m)
+               if (matrix%column(kept) == upper_column(k)) then
+                  matrix%value(kept) = matrix%value(kept) + entry(k)
                   cycle
                end if
             end if
             kept = kept + 1
-            col(kept) = col(m)
-            val(kept) = val(m)
+            matrix%column(kept) = upper_column(k)
+            matrix%value(kept) = entry(k)
          end do
       end do
       matrix%row_start(n + 1) = kept + 1
-      matrix%column = col(:kept)
-      matrix%value = val(:kept)
-
-   contains
-
-      pure integer function row_of(k)
-         integer, intent(in) :: k
-         if (k <= n) then
-            row_of = k
-         else
-            row_of = min(row(k - n), column(k - n))
-         end if
-      end function row_of
-
-      pure integer function column_of(k)
-         integer, intent(in) :: k
-         if (k <= n) then
-            column_of = k
-         else
-            column_of = max(row(k - n), column(k - n))
-         end if
-      end function column_of
-
+      matrix%column = matrix%column(:kept)
+      matrix%value = matrix%value(:kept)
    end function from_triplets
+
+   !> Counting sort that keeps the order of equal keys.
+   pure subroutine sort_stably(key, n, order, start)
+      !> Keys from 1 to n
+      integer, intent(in) :: key(:), n
+      !> Indices of the keys: any order in, by ascending key out
+      integer, allocatable, intent(inout) :: order(:)
+      !> (n + 1) first place of every key
+      integer, allocatable, intent(out) :: start(:)
+      integer, allocatable :: place(:), sorted(:)
+      integer :: m, k
+
+      allocate (start(n + 1), source=0)
+      do m = 1, size(key)
+         start(key(m) + 1) = start(key(m) + 1) + 1
+      end do
+      start(1) = 1
+      do k = 1, n
+         start(k + 1) = start(k + 1) + start(k)
+      end do
+      place = start
+      allocate (sorted(size(order)))
+      do m = 1, size(order)
+         k = key(order(m))
+         sorted(place(k)) = order(m)
+         place(k) = place(k) + 1
+      end do
+      call move_alloc(sorted, order)
+   end subroutine sort_stably
 
 end module microslip_linalg_sparse
