@@ -2,9 +2,6 @@
 set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 
-# Threads that wait shall sleep: spinning ones take the processor from those they wait for on a busy machine.
-export OMP_WAIT_POLICY=${OMP_WAIT_POLICY:-passive}
-
 # Run scripts/setup unless everything is there. What setup says goes to stderr: stdout is for results.
 set_up() {
   local needed library

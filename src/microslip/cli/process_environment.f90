@@ -2,8 +2,9 @@
 !> them: it makes them and starts itself anew, once.
 !>
 !> OpenBLAS picks its kernels by a list of processors; older versions fall back to SSE3 kernels on newer
-!> processors, several times slower. OpenMP threads that wait spin by default, and on a busy machine take the
-!> processor from those they wait for: everything is tens of times slower then, so they shall sleep.
+!> processors, several times slower. OpenMP threads that wait spin for milliseconds by default, and on a busy
+!> machine take the processor from those they wait for: everything is tens of times slower then. They shall sleep
+!> after some microseconds; not at once, which makes the many short parallel regions of the BLAS slow.
 module microslip_cli_process_environment
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_f_pointer, c_loc, c_associated
    use microslip_core_text, only: lower_case
@@ -12,7 +13,7 @@ module microslip_cli_process_environment
 
    public :: prepare_process, blas_kernel_name
 
-   character(len=*), parameter :: kernel_variable = 'OPENBLAS_CORETYPE', wait_variable = 'OMP_WAIT_POLICY', &
+   character(len=*), parameter :: kernel_variable = 'OPENBLAS_CORETYPE', spin_variable = 'GOMP_SPINCOUNT', &
       & restarted_variable = 'MICROSLIP_RESTARTED'
    !> Kernels that know neither AVX2 nor FMA.
    character(len=*), parameter :: slow_kernels(*) = [character(len=12) :: 'generic', 'katmai', 'coppermine', 'northwood', &
@@ -76,7 +77,7 @@ contains
       changed = .false.
       if (.not. is_set(restarted_variable)) then
          if (kernel /= '' .and. .not. is_set(kernel_variable)) changed = set(kernel_variable, kernel)
-         if (.not. (is_set(wait_variable) .or. is_set('GOMP_SPINCOUNT'))) changed = set(wait_variable, 'passive') .or. changed
+         if (.not. (is_set(spin_variable) .or. is_set('OMP_WAIT_POLICY'))) changed = set(spin_variable, '20000') .or. changed
          if (changed) changed = set(restarted_variable, '1')
          if (changed) call start_anew()
       end if
