@@ -51,6 +51,7 @@ contains
                & unit_in_si(source%unit_length), unit_in_si(source%unit_mass), unit_in_si(source%unit_time), model, error)
          end if
       end associate
+      if (allocated(error)) error%message = case%path//': &model: '//error%message
    end subroutine read_model
 
    !> A unit in SI units.

@@ -414,7 +414,6 @@ contains
       type(contact_state_t), intent(inout) :: state
       integer :: j, p
 
-      if (size(problem%friction) /= size(state%status)) error stop 'condensed: state of another problem'
       state%q = q
       state%gap(1, self%base%outside) = self%gap_outside
       state%status(self%base%inside) = state_stick

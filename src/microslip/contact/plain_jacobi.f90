@@ -4,8 +4,9 @@ module microslip_contact_plain_jacobi
    use microslip_contact_laws, only: law_residual
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
    use microslip_linalg_dense, only: inverse_spd, product_symmetric
    implicit none(type, external)
    private
@@ -31,7 +32,11 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: inverse(:, :)
 
-      if (size(state%status) /= problem%n_points) error stop 'plain_jacobi: state of another problem'
+      if (size(state%status) /= problem%n_points) then
+         call failure(error, 'contact state of '//to_text(size(state%status))//' points for a problem of '// &
+            & to_text(problem%n_points))
+         return
+      end if
       self%eps = step_lengths(problem%G)
       inverse = problem%G
       call inverse_spd(inverse, error)
