@@ -3,7 +3,7 @@ module test_cli
    use microslip_cli_command_line, only: command_line_t, help_text, parse_command_line, text_t
    use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t, status_bad_input, status_failed
-   use microslip_core_kinds, only: wp
+   use microslip_core_kinds, only: wp, pi
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t, node_set_t
    use microslip_io_hdf5, only: hdf5_file_t
@@ -28,6 +28,7 @@ contains
 
       testsuite = [ &
          & new_unittest('all options', test_options), &
+         & new_unittest('damping set on the preloaded mode', test_damping_reference), &
          & new_unittest('faults of the command line, all at once', test_option_faults), &
          & new_unittest('a case from model to results', test_run), &
          & new_unittest('points that join are in the file', test_points_added), &
@@ -407,6 +408,36 @@ contains
       call check(error, abs(force(1) - wanted) < 1.0e-9_wp*wanted .and. size(frequency) == 4 .and. size(time) == 0, &
          & 'results before the failure are not kept')
    end subroutine test_failed_run
+
+   !> Mass-proportional damping set on the mode about the preload: viscous loss over twice the integral of the
+   !> kinetic energy is beta = 2 ratio omega of that mode, and not of the tied one.
+   subroutine test_damping_reference(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib, ignored
+      type(hdf5_file_t) :: file
+      real(wp), allocatable :: frequency(:), tied(:), time(:), kinetic(:), loss(:)
+      real(wp) :: beta
+      integer :: n
+
+      call write_blocks(density, lib)
+      if (.not. allocated(lib)) call run(case_text('modal_ratio = 0.01', &
+         & "ratio = 0.01, reference_mode = 2, reference = 'preloaded'"), lib)
+      if (.not. allocated(lib)) call file%open(result_path, lib)
+      if (.not. allocated(lib)) call file%read('/linear_modes/frequency', frequency, lib)
+      if (.not. allocated(lib)) call file%read('/model/tied_frequency', tied, lib)
+      if (.not. allocated(lib)) call file%read('/transient/time', time, lib)
+      if (.not. allocated(lib)) call file%read('/transient/energy/kinetic', kinetic, lib)
+      if (.not. allocated(lib)) call file%read('/transient/energy/viscous_loss', loss, lib)
+      call file%close(ignored)
+      call good(error, lib)
+      call clean_up()
+      if (allocated(error)) return
+      n = size(time)
+      beta = loss(n)/sum((kinetic(2:) + kinetic(:n - 1))*(time(2:) - time(:n - 1)))
+      call check(error, abs(beta/(0.04_wp*pi*frequency(2)) - 1.0_wp) < 0.01_wp, 'beta is not that of the preloaded mode')
+      if (allocated(error)) return
+      call check(error, abs(tied(2)/frequency(2) - 1.0_wp) > 0.02_wp, 'the scene cannot tell both modes apart')
+   end subroutine test_damping_reference
 
    !> The reduction is computed, then taken from the cache with the same numbers; another model is computed anew.
    subroutine test_cache(error)

@@ -265,6 +265,8 @@ contains
       associate (record => run%case%damping, omega => 2.0_wp*pi*run%reduced%frequency)
          if (allocated(record%mass_proportional)) d = record%mass_proportional
          if (allocated(record%ratio)) d = 2.0_wp*record%ratio*omega(min(record%reference_mode, size(omega)))
+         if (allocated(record%ratio) .and. record%reference == 'preloaded' .and. allocated(run%modes%frequency)) &
+            & d = 4.0_wp*pi*record%ratio*run%modes%frequency(record%reference_mode)
          if (allocated(record%modal_ratio)) then
             do k = 1, size(d)
                d(k) = 2.0_wp*record%modal_ratio(min(k, size(record%modal_ratio)))*omega(k)
@@ -379,6 +381,7 @@ contains
 
       n = run%case%linear_modes%n_modes
       if (any(run%case%loads%kind == 'modal')) n = max(n, maxval(run%case%loads%mode))
+      if (run%case%damping%reference == 'preloaded') n = max(n, run%case%damping%reference_mode)
       call solve_linear_modes(run%system, run%state%contact%status, n, run%modes, error)
       if (allocated(error)) return
       call run%clock%stop('linear modes')
@@ -398,6 +401,11 @@ contains
 
       call add_modal_loads(run, error)
       if (allocated(error)) return
+      if (run%case%damping%reference == 'preloaded') then
+         if (.not. allocated(run%modes%frequency)) call linear_modes(run, error)
+         if (allocated(error)) return
+         run%system%damping = damping(run)
+      end if
       options = transient_options(run)
       call recorder%create(run%results, run%system, sensor_names(run), error)
       if (allocated(error)) return

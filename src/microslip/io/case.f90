@@ -97,9 +97,11 @@ module microslip_io_case
       real(wp), allocatable :: modal_ratio(:)
       !> 1/s, beta of D_ii = beta I
       real(wp), allocatable :: mass_proportional
-      !> beta = 2 ratio omega, omega of the tied mode `reference_mode`
+      !> beta = 2 ratio omega, omega of the mode `reference_mode` with tied interfaces (the paper's way) or of the
+      !> linear mode about the preload, where the ratio is then met exactly: 'tied' or 'preloaded'
       real(wp), allocatable :: ratio
       integer :: reference_mode = 1
+      character(len=name_length) :: reference = 'tied'
    end type damping_case_t
 
    !> `&contact`: solver of the contact problem.

@@ -88,8 +88,9 @@ contains
       call keys%exactly_one([character(len=20) :: 'modal_ratio', 'mass_proportional', 'ratio'])
       if (allocated(record%ratio)) then
          call keys%integer_key('reference_mode', record%reference_mode, at_least(1), required=.true.)
+         call keys%name_key('reference', record%reference, [character(len=name_length) :: 'tied', 'preloaded'])
       else
-         call keys%ignored(['reference_mode'], 'with ratio', decided_by='ratio')
+         call keys%ignored([character(len=14) :: 'reference_mode', 'reference'], 'with ratio', decided_by='ratio')
       end if
       call keys%finish()
    end subroutine damping_keys
