@@ -9,8 +9,8 @@
 !> discretisation at the contact, and the proof that the scheme has no other loss:
 !>     balance_error = external_work - viscous_loss - friction_loss - (kinetic + elastic - initial)
 !>
-!> Points left out of the potential contact set are checked on the whole grid every `verify_stride` steps and at the
-!> end; samples are handed on only after that. If one would close, it joins and the run repeats from the last check.
+!> Points left out of the potential contact set are checked on the whole grid where the motion turns (the kinetic
+!> energy passes a minimum: the load extremes), every `verify_stride` steps at the latest, and at the end; samples are handed on only after that. If one would close, it joins and the run repeats from the last check.
 module microslip_analysis_transient
    use microslip_analysis_excitation, only: excitation_t, load_amplitudes
    use microslip_analysis_operating_state, only: operating_state_t
@@ -130,6 +130,8 @@ module microslip_analysis_transient
       type(contact_state_t) :: contact
       type(energy_t) :: energy
       real(wp) :: initial_energy = 0.0_wp, largest_kinetic = 0.0_wp, largest_error = 0.0_wp
+      !> Whether the kinetic energy fell in the last step, and whether it has just passed a minimum
+      logical :: slowing = .false., turned = .false.
    end type motion_t
 
 contains
@@ -283,7 +285,7 @@ contains
       end do
    end function load_displacements
 
-   !> Integrate to step `block_end`.
+   !> Integrate to step `block_end`, or to where the motion turns.
    subroutine advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
       type(jointed_system_t), intent(in) :: system
       type(transient_options_t), intent(in) :: options
@@ -312,6 +314,7 @@ contains
          end if
          if (mod(motion%step, options%stride) == 0) samples = [samples, sample_of(system, motion, options, solved)]
          call recorder%progress(motion%step*options%time_step, count_states(motion%contact))
+         if (motion%turned) exit
       end do
    end subroutine advance_block
 
@@ -324,7 +327,7 @@ contains
       type(solve_record_t), intent(out) :: solved
       real(wp), allocatable :: old_amplitude(:), old_displacement(:), old_velocity(:)
       type(contact_state_t) :: old_contact
-      real(wp) :: dt
+      real(wp) :: dt, kinetic_before
 
       dt = options%time_step
       old_amplitude = motion%amplitude
@@ -342,7 +345,10 @@ contains
       call next_velocity(system, dt, motion)
 
       associate (e => motion%energy)
+         kinetic_before = e%kinetic
          e%kinetic = 0.5_wp*dot_product(motion%v_before, motion%v_after)
+         motion%turned = motion%slowing .and. e%kinetic > kinetic_before
+         motion%slowing = e%kinetic < kinetic_before
          e%elastic = elastic_energy(system, motion) - motion%initial_energy
          e%external_work = e%external_work + 0.5_wp*dot_product(old_amplitude + motion%amplitude, &
             & load_displacements(system, motion) - old_displacement)
