@@ -10,6 +10,7 @@ module test_analysis_linear_modes
    use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_generalised, eigen_symmetric
    use support_brick, only: to_dense
    use support_brick_joint, only: brick_joint_t, dense_coupling, dense_half_space, make_brick_joint
+   use support_checks, only: good
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -31,13 +32,6 @@ contains
          & new_unittest('between free and tied', test_bounds), &
          & new_unittest('shapes are normalised, as many as asked for', test_shapes)]
    end subroutine collect_analysis_linear_modes
-
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
 
    !> A preloaded brick joint with open and closed points.
    subroutine make_preloaded(method, joint, state, lib)

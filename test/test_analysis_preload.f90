@@ -18,6 +18,7 @@ module test_analysis_preload
    use support_brick, only: to_dense
    use support_brick_joint, only: brick_joint_t, dense_coupling, dense_half_space, make_brick_joint
    use support_joint, only: make_joint
+   use support_checks, only: good
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -49,13 +50,6 @@ contains
          & new_unittest('a structure that can move freely is refused', test_free_structure), &
          & new_unittest('loads that press nothing are refused', test_useless_load)]
    end subroutine collect_analysis_preload
-
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
 
    !> Contact options with a solver.
    function by(solver) result(options)

@@ -18,6 +18,7 @@ module test_analysis_transient
    use microslip_system_pad, only: pad_t
    use support_history, only: history_t, integrate
    use support_joint, only: make_joint
+   use support_checks, only: good
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -55,13 +56,6 @@ contains
          & new_unittest('loads on the boundary keep the books', test_boundary_load), &
          & new_unittest('independent of the system of units', test_units)]
    end subroutine collect_analysis_transient
-
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
 
    !> A preloaded joint, all grid points in potential contact.
    subroutine make_preloaded(cells, peak_to_peak, friction, damped, system, state, lib)

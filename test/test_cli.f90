@@ -9,6 +9,7 @@ module test_cli
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_model_file, only: read_model_hdf5, write_model_hdf5
    use support_brick, only: block_model, block_t
+   use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -39,20 +40,6 @@ contains
          & new_unittest('--write-model', test_write_model), &
          & new_unittest('a case that fails does not stop the next', test_two_cases)]
    end subroutine collect_cli
-
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
-
-   subroutine remove(path)
-      character(len=*), intent(in) :: path
-      integer :: unit, status
-      open (newunit=unit, file=path, iostat=status)
-      if (status == 0) close (unit, status='delete')
-   end subroutine remove
 
    !> Remove the files of these tests.
    subroutine clean_up()

@@ -3,6 +3,7 @@ module test_io_hdf5
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_core_kinds, only: wp
    use microslip_io_hdf5, only: hdf5_file_t, is_hdf5_file, series_t
+   use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -30,13 +31,6 @@ contains
          new_unittest('wrong kind or shape is an error', test_wrong_kind)]
    end subroutine collect_io_hdf5
 
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
-
    !> Fail the test unless a library call reported bad input that names what it is about.
    subroutine bad(error, lib, needle)
       type(testing_error), allocatable, intent(out) :: error
@@ -48,13 +42,6 @@ contains
          call test_failed(error, 'message does not name '//needle//': '//lib%message)
       end if
    end subroutine bad
-
-   subroutine remove(path)
-      character(len=*), intent(in) :: path
-      integer :: unit, status
-      open (newunit=unit, file=path, iostat=status)
-      if (status == 0) close (unit, status='delete')
-   end subroutine remove
 
    subroutine test_numbers(error)
       type(testing_error), allocatable, intent(out) :: error

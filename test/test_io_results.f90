@@ -15,6 +15,7 @@ module test_io_results
    use microslip_io_transient_results, only: transient_results_t
    use microslip_system_jointed_system, only: jointed_system_t
    use support_joint, only: load_names, make_joint, preload_joint, sensor_names
+   use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -44,20 +45,6 @@ contains
          & new_unittest('all datasets have units and description', test_attributes), &
          & new_unittest('a missing folder is an error', test_missing_folder)]
    end subroutine collect_io_results
-
-   !> Fail the test if a library call failed.
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
-
-   subroutine remove(path)
-      character(len=*), intent(in) :: path
-      integer :: unit, status
-      open (newunit=unit, file=path, iostat=status)
-      if (status == 0) close (unit, status='delete')
-   end subroutine remove
 
    !> Write everything there is into the scratch file.
    subroutine write_all(system, state, preload, record, lib)

@@ -1,6 +1,5 @@
 !> Runs the cases of a command line: reads, builds, analyses in the order asked for, writes.
 module microslip_cli_driver
-   use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
    use microslip_analysis_excitation, only: excitation_t, kind_half_sine, kind_harmonic
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t

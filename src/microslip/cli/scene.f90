@@ -1,7 +1,7 @@
 !> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
 module microslip_cli_scene
-   use microslip_core_error, only: error_t, bad_input
-   use microslip_core_kinds, only: wp
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp, pi
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_load_pattern, only: load_vector, sensor_row
    use microslip_fe_model, only: fe_model_t
@@ -9,7 +9,7 @@ module microslip_cli_scene
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
    use microslip_io_calculix, only: read_model_calculix
-   use microslip_io_case, only: case_t, interface_case_t, topography_case_t, model_case_t
+   use microslip_io_case, only: case_t, interface_case_t, topography_case_t
    use microslip_io_model_file, only: read_model_hdf5
    use microslip_io_topography_file, only: read_topography_hdf5
    use microslip_surface_height_map, only: height_map_t, new_height_map
@@ -213,7 +213,7 @@ contains
       if (allocated(error)) return
       call new_height_map(map, x, y, z, trim(topography%sense), error, topography%scale, topography%filter_wavelength)
       if (allocated(error)) return
-      call map%place(topography%offset, topography%rotation*acos(-1.0_wp)/180.0_wp, 'none', error)
+      call map%place(topography%offset, topography%rotation*pi/180.0_wp, 'none', error)
    end subroutine make_map
 
    !> Force patterns of the loads on nodes, then the sensor rows.

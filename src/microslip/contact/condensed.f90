@@ -8,7 +8,7 @@ module microslip_contact_condensed
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_block_gauss_seidel, only: sweep_gauss_seidel
    use microslip_contact_block_newton, only: contact_block_t, solve_newton, block_residual
-   use microslip_contact_laws, only: state_open, state_stick, state_slip
+   use microslip_contact_laws, only: state_open, state_stick
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_core_error, only: error_t

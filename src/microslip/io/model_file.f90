@@ -7,7 +7,7 @@ module microslip_io_model_file
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
-   use microslip_fe_model, only: element_block_t, fe_model_t, node_set_t
+   use microslip_fe_model, only: fe_model_t
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_mesh_builder, only: nodes_per_element
    use microslip_linalg_sparse, only: from_triplets, symmetric_sparse_t
