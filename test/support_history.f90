@@ -1,14 +1,8 @@
 !> A recorder that keeps the time integration in memory.
 module support_history
-   use microslip_analysis_excitation, only: excitation_t
-   use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_transient, only: run_transient, sample_t, transient_options_t, transient_record_t, &
-      & transient_recorder_t
-   use microslip_contact_factory, only: contact_options_t
+   use microslip, only: contact_options_t, error_t, excitation_t, jointed_system_t, operating_state_t, run_transient, &
+      & sample_t, transient_options_t, transient_record_t, transient_recorder_t, wp
    use microslip_contact_problem, only: contact_state_t
-   use microslip_core_error, only: error_t
-   use microslip_core_kinds, only: wp
-   use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
 

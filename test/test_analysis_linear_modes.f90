@@ -11,7 +11,7 @@ module test_analysis_linear_modes
    use support_brick, only: to_dense
    use support_brick_joint, only: brick_joint_t, dense_coupling, dense_half_space, make_brick_joint
    use support_checks, only: good
-   use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
+   use testdrive, only: check, new_unittest, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
 

@@ -5,6 +5,7 @@ module test_io_mesh_file
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t
    use microslip_io_mesh_file, only: read_mesh
+   use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -234,18 +235,5 @@ contains
       write (unit, '(a)') (trim(lines(i)), i=1, size(lines))
       close (unit)
    end subroutine write_file
-
-   subroutine remove(path)
-      character(len=*), intent(in) :: path
-      integer :: unit
-      open (newunit=unit, file=path)
-      close (unit, status='delete')
-   end subroutine remove
-
-   subroutine good(error, lib)
-      type(testing_error), allocatable, intent(out) :: error
-      type(error_t), allocatable, intent(in) :: lib
-      if (allocated(lib)) call test_failed(error, lib%message)
-   end subroutine good
 
 end module test_io_mesh_file
