@@ -24,7 +24,7 @@ module microslip_contact_base_set
    !> Changes of the set after which the operators are computed anew.
    integer, parameter :: rebuild_after = 100
    !> Vectors per group that the coupling is first tried with.
-   integer, parameter :: first_rank = 32
+   integer, parameter :: first_rank = 24
 
    type :: base_set_t
       !> Points of the base set and points outside it

@@ -25,9 +25,9 @@ module microslip_contact_block
       real(wp), allocatable :: M_t(:, :), M_n(:, :)
       !> (3 columns, 2 columns) the tangential columns in single precision, for small changes
       real(real32), allocatable :: M_single(:, :)
-      !> (rank, 3 rows) basis of the coupling to other groups
+      !> (3 rows, rank) basis of the coupling to other groups
       real(wp), allocatable :: basis(:, :)
-      !> (drivers, 3 rows)
+      !> (3 rows, drivers)
       real(wp), allocatable :: slope(:, :)
       !> (rows)
       real(wp), allocatable :: friction(:)
@@ -72,9 +72,9 @@ contains
       if (.not. allocated(self%place)) then
          allocate (self%place(0), self%friction(0), self%x_n(0), self%stiffness_n(0), &
             & self%stiffness_t(0), self%gap_old(0), self%forced_open(0), self%status(0))
-         allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(size(base%slope, 1), 0), self%force(3, 0), self%predicted(3, 0), &
+         allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(0, size(base%slope, 1)), self%force(3, 0), self%predicted(3, 0), &
             & self%trial(3, 0), self%change(3, 0), self%x_t(2, 0), self%dx_n(0), self%dx_t(2, 0), self%M_single(0, 0), &
-            & self%basis(size(base%basis, 1), 0))
+            & self%basis(0, size(base%basis, 1)))
       end if
    end subroutine clear
 
@@ -92,8 +92,8 @@ contains
       r = self%rows
       self%place(r) = place
       self%friction(r) = friction
-      self%slope(:, 3*r - 2:3*r) = base%slope(:, 3*place - 2:3*place)
-      self%basis(:, 3*r - 2:3*r) = base%basis(:, 3*place - 2:3*place)
+      self%slope(3*r - 2:3*r, :) = transpose(base%slope(:, 3*place - 2:3*place))
+      self%basis(3*r - 2:3*r, :) = transpose(base%basis(:, 3*place - 2:3*place))
       do a = 1, self%columns
          k = 3*self%place(a)
          self%M_n(3*r - 2:3*r, a) = base%M(3*place - 2:3*place, k - 2)
@@ -142,8 +142,8 @@ contains
       do c = 1, 3
          i = 3*one - 3 + c
          j = 3*other - 3 + c
-         self%slope(:, [i, j]) = self%slope(:, [j, i])
-         self%basis(:, [i, j]) = self%basis(:, [j, i])
+         self%slope([i, j], :) = self%slope([j, i], :)
+         self%basis([i, j], :) = self%basis([j, i], :)
          self%M_n([i, j], :self%columns) = self%M_n([j, i], :self%columns)
          self%M_t([i, j], :2*self%columns) = self%M_t([j, i], :2*self%columns)
       end do
@@ -154,13 +154,9 @@ contains
       class(contact_block_t), intent(inout) :: self
       !> (drivers) change of the driver
       real(wp), intent(in) :: dq(:)
-      integer :: r
 
-      do r = 1, self%rows
-         self%predicted(1, r) = self%force(1, r) + dot_product(self%slope(:, 3*r - 2), dq)
-         self%predicted(2, r) = self%force(2, r) + dot_product(self%slope(:, 3*r - 1), dq)
-         self%predicted(3, r) = self%force(3, r) + dot_product(self%slope(:, 3*r), dq)
-      end do
+      self%predicted(:, :self%rows) = self%force(:, :self%rows)
+      call add_product(3*self%rows, size(dq), self%slope, dq, self%predicted)
    end subroutine predict
 
    !> trial = predicted + M x in rows `first` to `last`, without what other groups cause.
@@ -213,29 +209,31 @@ contains
       class(contact_block_t), intent(in) :: self
       !> (columns) and (2, columns) m
       real(wp), intent(in) :: x_n(:), x_t(:, :)
-      real(wp) :: c(size(self%basis, 1))
-      integer :: a
+      real(wp) :: c(size(self%basis, 2)), x(3*self%columns), total
+      integer :: a, k
 
-      c = 0.0_wp
       do a = 1, self%columns
-         c = c + self%basis(:, 3*a - 1)*x_t(1, a) + self%basis(:, 3*a)*x_t(2, a)
-         if (x_n(a) /= 0.0_wp) c = c + self%basis(:, 3*a - 2)*x_n(a)
+         x(3*a - 2:3*a) = [x_n(a), x_t(1, a), x_t(2, a)]
+      end do
+      do k = 1, size(c)
+         total = 0.0_wp
+         !$omp simd reduction(+:total)
+         do a = 1, size(x)
+            total = total + self%basis(a, k)*x(a)
+         end do
+         c(k) = total
       end do
    end function outgoing
 
    !> trial = trial + Z incoming in rows `first` to `last`.
-   pure subroutine add_incoming(self, incoming, first, last)
+   subroutine add_incoming(self, incoming, first, last)
       class(contact_block_t), intent(inout) :: self
       !> (rank) N
       real(wp), intent(in) :: incoming(:)
       integer, intent(in) :: first, last
-      integer :: r, c
 
-      do r = first, last
-         do c = 1, 3
-            self%trial(c, r) = self%trial(c, r) + dot_product(self%basis(:, 3*r - 3 + c), incoming)
-         end do
-      end do
+      if (last < first .or. size(incoming) == 0) return
+      call add_product(3*(last - first + 1), size(incoming), self%basis(3*first - 2:, :), incoming, self%trial(:, first:last))
    end subroutine add_incoming
 
    !> States of all columns from their forces and increments.
@@ -284,8 +282,8 @@ contains
       m = self%columns
       self%place = [self%place(:n), spread(0, 1, room - n)]
       self%friction = [self%friction(:n), spread(0.0_wp, 1, room - n)]
-      call widen(self%slope, size(base%slope, 1), 3*n, size(base%slope, 1), 3*room)
-      call widen(self%basis, size(base%basis, 1), 3*n, size(base%basis, 1), 3*room)
+      call widen(self%slope, 3*n, size(base%slope, 1), 3*room, size(base%slope, 1))
+      call widen(self%basis, 3*n, size(base%basis, 1), 3*room, size(base%basis, 1))
       call widen(self%force, 3, n, 3, room)
       call widen(self%predicted, 3, n, 3, room)
       call widen(self%trial, 3, n, 3, room)

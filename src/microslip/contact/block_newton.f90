@@ -91,9 +91,11 @@ contains
                call kept(g)%rebuild(blocks(g), singular)
             end if
             if (singular) exit
-            call kept(g)%solve(violations(blocks(g)), blocks(g)%dx_n(:blocks(g)%columns), blocks(g)%dx_t(:, :blocks(g)%columns))
          end do
          if (singular) exit
+         do g = 1, size(blocks)
+            call kept(g)%solve(violations(blocks(g)), blocks(g)%dx_n(:blocks(g)%columns), blocks(g)%dx_t(:, :blocks(g)%columns))
+         end do
          call correct_by_secants(secants, blocks)
          call apply_changes(blocks, coupling)
          change = largest_change(blocks)

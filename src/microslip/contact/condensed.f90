@@ -11,7 +11,7 @@ module microslip_contact_condensed
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_block_gauss_seidel, only: sweep_gauss_seidel
    use microslip_contact_block_newton, only: solve_newton
-   use microslip_contact_coupled_blocks, only: count_columns, evaluate_columns, evaluate_others, largest_residual
+   use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, largest_residual, predict_all
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_open, state_stick
    use microslip_contact_lookout, only: lookout_t
@@ -38,7 +38,7 @@ module microslip_contact_condensed
    !> by then it is known how far the drivers move in a step.
    integer, parameter :: refresh_after = 500, first_refresh = 10
    !> A point that would need a look again within so many steps is followed.
-   real(wp), parameter :: look_ahead = 3.0_wp
+   real(wp), parameter :: look_ahead = 6.0_wp
    !> Rows that are kept while nothing moves.
    integer, parameter :: rows_at_rest = 32
 
@@ -53,8 +53,8 @@ module microslip_contact_condensed
       type(kept_factor_t), allocatable, private :: kept(:)
       type(lookout_t), private :: lookout
       type(reference_t), private :: reference
-      !> (3, points) gap increments of the last step: start value of the next; (points) steps that a point is open
-      real(wp), allocatable, private :: last_increment(:, :)
+      !> (3, points) gap increments of the last step, and a guess for the next; (points) steps that a point is open
+      real(wp), allocatable, private :: last_increment(:, :), guess(:, :)
       integer, allocatable, private :: steps_open(:)
       !> (drivers) largest |dq| since the reference was taken
       real(wp), allocatable, private :: largest_dq(:)
@@ -79,13 +79,13 @@ contains
       integer :: p
 
       in_base = state%status /= state_open
-      if (allocated(self%last_increment)) deallocate (self%last_increment, self%steps_open, self%largest_dq)
+      if (allocated(self%guess)) deallocate (self%last_increment, self%guess, self%steps_open, self%largest_dq)
       if (allocated(self%blocks)) deallocate (self%blocks, self%kept)
-      allocate (self%last_increment(3, problem%n_points), source=0.0_wp)
+      allocate (self%last_increment(3, problem%n_points), self%guess(3, problem%n_points), source=0.0_wp)
       allocate (self%steps_open(problem%n_points), source=0)
       allocate (self%largest_dq(size(problem%R, 2)), source=0.0_wp)
       if (allocated(self%expected_closed)) then
-         where (self%expected_closed .and. .not. in_base) self%last_increment(1, :) = -state%gap(1, :)
+         where (self%expected_closed .and. .not. in_base) self%guess(1, :) = -state%gap(1, :)
          in_base = in_base .or. self%expected_closed
          deallocate (self%expected_closed)
       end if
@@ -130,7 +130,7 @@ contains
       integer :: g, j, p
 
       if (allocated(self%blocks)) then
-         if (size(self%blocks) /= self%base%groups .or. size(self%blocks(1)%basis, 1) /= size(self%base%basis, 1)) &
+         if (size(self%blocks) /= self%base%groups .or. size(self%blocks(1)%basis, 2) /= size(self%base%basis, 1)) &
             & deallocate (self%blocks, self%kept)
       end if
       if (.not. allocated(self%blocks)) allocate (self%blocks(self%base%groups), self%kept(self%base%groups))
@@ -247,11 +247,11 @@ contains
       type(contact_state_t), intent(in) :: state
       integer :: a, g, p
 
+      call predict_all(self%blocks, q - state%q)
       do g = 1, size(self%blocks)
-         call self%blocks(g)%predict(q - state%q)
          do a = 1, self%blocks(g)%columns
             p = self%base%inside(self%blocks(g)%place(a))
-            call set_start(self%blocks(g), a, problem, state, p, self%last_increment(:, p))
+            call set_start(self%blocks(g), a, problem, state, p, self%guess(:, p))
          end do
       end do
    end subroutine begin_step
@@ -476,7 +476,7 @@ contains
       type(moves_t) :: moves, moves_before
       integer, allocatable :: due(:)
       logical, allocatable :: leaves(:)
-      integer :: g, j, k, p
+      integer :: j, k, p
 
       allocate (looked(size(spent)), source=huge(1.0_wp))
       more = .false.
@@ -485,8 +485,6 @@ contains
       if (size(due) == 0) return
       moves = self%reference%moves(self%blocks)
       allocate (leaves(size(due)))
-      !$omp parallel do default(none) shared(self, problem, q, slack, due, moves, leaves, looked) private(j, p, force) &
-      !$omp& schedule(static) if (size(due) > 8)
       do k = 1, size(due)
          j = due(k)
          p = self%base%inside(j)
@@ -494,7 +492,6 @@ contains
          leaves(k) = leaves_cone(force, problem%friction(p), slack)
          looked(j) = problem%friction(p)*force(1) - norm2(force(2:3))
       end do
-      !$omp end parallel do
       more = any(leaves)
       if (.not. more) return
       moves_before = self%reference%moves()
@@ -503,9 +500,7 @@ contains
          force = self%reference%force_of(self%base, due(k), state%q, moves_before)
          call follow(self, problem, state, due(k), force, moves=.true.)
       end do
-      do g = 1, size(self%blocks)
-         call self%blocks(g)%predict(q - state%q)
-      end do
+      call predict_all(self%blocks, q - state%q)
    end subroutine look_inside
 
    !> Points outside the base set that penetrate.
@@ -641,6 +636,9 @@ contains
             p = self%base%inside(block%place(a))
             x = [block%x_n(a), block%x_t(:, a)]
             state%status(p) = block%status(a)
+            ! Slip that goes on goes on changing as it did.
+            self%guess(:, p) = x
+            if (any(self%last_increment(2:3, p) /= 0.0_wp)) self%guess(2:3, p) = 2.0_wp*x(2:3) - self%last_increment(2:3, p)
             self%last_increment(:, p) = x
             self%steps_open(p) = merge(self%steps_open(p) + 1, 0, block%status(a) == state_open)
             if (all(x == 0.0_wp)) cycle
@@ -693,23 +691,38 @@ contains
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
       real(wp), allocatable :: force(:, :)
-      integer :: g, r, columns, sticking
+      real(wp), allocatable :: gap(:)
+      integer :: g, j, columns, sticking
 
       columns = count_columns(self%blocks)
       sticking = sum([(count(self%blocks(g)%status(:self%blocks(g)%columns) == state_stick), g=1, size(self%blocks))])
       if (columns == 0 .and. sum(self%blocks%rows) <= rows_at_rest) return
       if (columns > 0 .and. 2*sticking <= columns + 16) return
-      allocate (force(3, size(self%base%inside)))
-      do g = 1, size(self%blocks)
-         associate (block => self%blocks(g))
-            do r = 1, block%rows
-               force(:, block%place(r)) = block%force(:, r)
-               call watch(self, problem, block%place(r), block%force(:, r))
-            end do
-         end associate
+      ! The motion turns: the next looks need not go back beyond here.
+      call present(self, state%q, force, gap)
+      call self%reference%move_up(state%q, force, gap)
+      do j = 1, size(self%base%inside)
+         call watch(self, problem, j, force(:, j))
       end do
+      self%lookout%margin(size(self%base%inside) + 1:) = gap
+      self%lookout%used = 0.0_wp
       call renew_blocks(self, problem, state, force)
    end subroutine retire_sticking
+
+   !> Forces of the base set, (3, inside), and gaps outside it, (outside), at the state's driver.
+   subroutine present(self, q, force, gap)
+      class(condensed_solver_t), intent(in) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), allocatable, intent(out) :: force(:, :), gap(:)
+      integer :: g, r
+
+      call self%reference%everywhere(self%base, q, force, gap)
+      do g = 1, size(self%blocks)
+         do r = 1, self%blocks(g)%rows
+            force(:, self%blocks(g)%place(r)) = self%blocks(g)%force(:, r)
+         end do
+      end do
+   end subroutine present
 
    !> Bring the forces of all points and the gaps of those outside up to the state's driver.
    subroutine complete(self, problem, state)
@@ -717,15 +730,10 @@ contains
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(inout) :: state
       real(wp), allocatable :: force(:, :), gap(:)
-      integer :: g, j, n, r
+      integer :: j, n
 
       n = size(self%base%inside)
-      call self%reference%everywhere(self%base, state%q, force, gap)
-      do g = 1, size(self%blocks)
-         do r = 1, self%blocks(g)%rows
-            force(:, self%blocks(g)%place(r)) = self%blocks(g)%force(:, r)
-         end do
-      end do
+      call present(self, state%q, force, gap)
       do j = 1, n
          state%force(:, self%base%inside(j)) = force(:, j)
          if (self%lookout%margin(j) < huge(1.0_wp)) call watch(self, problem, j, force(:, j))

@@ -1,18 +1,27 @@
 !> The blocks of all groups together: products that add what the groups cause in one another.
 !>
-!> Between groups M has a low rank (`base_set`): M_gh x_h = Z_g C_gh (Z_h^T x_h). The groups share out the threads.
+!> Between groups M has a low rank (`base_set`): M_gh x_h = Z_g C_gh (Z_h^T x_h).
 module microslip_contact_coupled_blocks
    use microslip_contact_block, only: contact_block_t
    use microslip_core_kinds, only: wp
    implicit none(type, external)
    private
 
-   public :: evaluate_columns, evaluate_others, apply_changes, largest_residual, count_columns
-
-   !> Columns from which it pays to wake another thread.
-   integer, parameter :: threading_pays = 40
+   public :: predict_all, evaluate_columns, evaluate_others, apply_changes, largest_residual, count_columns
 
 contains
+
+   !> Forces in all rows if no gap changed.
+   subroutine predict_all(blocks, dq)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      !> (drivers) change of the driver
+      real(wp), intent(in) :: dq(:)
+      integer :: g
+
+      do g = 1, size(blocks)
+         call blocks(g)%predict(dq)
+      end do
+   end subroutine predict_all
 
    !> trial = predicted + M x in the rows of the columns.
    subroutine evaluate_columns(blocks, coupling)
@@ -23,12 +32,10 @@ contains
       integer :: g
 
       call exchange(blocks, coupling, incoming, .false.)
-      !$omp parallel do default(none) shared(blocks, incoming) schedule(static) if (count_columns(blocks) > threading_pays)
       do g = 1, size(blocks)
          call blocks(g)%evaluate(1, blocks(g)%columns)
          call blocks(g)%add_incoming(incoming(:, g), 1, blocks(g)%columns)
       end do
-      !$omp end parallel do
    end subroutine evaluate_columns
 
    !> The same in the rows that are followed but do not move.
@@ -39,12 +46,10 @@ contains
       integer :: g
 
       call exchange(blocks, coupling, incoming, .false.)
-      !$omp parallel do default(none) shared(blocks, incoming) schedule(static) if (count_columns(blocks) > threading_pays)
       do g = 1, size(blocks)
          call blocks(g)%evaluate(blocks(g)%columns + 1, blocks(g)%rows)
          call blocks(g)%add_incoming(incoming(:, g), blocks(g)%columns + 1, blocks(g)%rows)
       end do
-      !$omp end parallel do
    end subroutine evaluate_others
 
    !> x = x + dx and trial = trial + M dx in the rows of the columns.
@@ -55,12 +60,10 @@ contains
       integer :: g
 
       call exchange(blocks, coupling, incoming, .true.)
-      !$omp parallel do default(none) shared(blocks, incoming) schedule(static) if (count_columns(blocks) > threading_pays)
       do g = 1, size(blocks)
          call blocks(g)%apply()
          call blocks(g)%add_incoming(incoming(:, g), 1, blocks(g)%columns)
       end do
-      !$omp end parallel do
    end subroutine apply_changes
 
    !> What every group feels of the others: C times the outgoing of all, (rank, groups).

@@ -1,16 +1,17 @@
-!> The Jacobian of the contact laws on the moving points, factorised once and kept while the points change.
+!> The Jacobian of the contact laws on the moving points, inverted once and kept while the points change.
 !>
 !> Unknowns: two slips of a slipping point, three increments of an open one. With w = force_t - k slip,
 !> direction = w/|w| and rim = beta (I - direction direction^T), beta = mu force_n/|w| (at most 1):
 !>     slipping   J = M_t - rim M_t - mu direction M_n + k rim        open   J = M
-!> A factor in single precision is enough: the residual, in double, decides. Unknowns that came or went since
-!> the factorisation border it (their Schur complement), until so many have that a new factor is cheaper.
+!> An inverse in single precision is enough: the residual, in double, decides; and a product with it, unlike two
+!> triangular solves, runs at the speed of memory. Unknowns that came or went since border it (their Schur
+!> complement), until so many have that a new inverse is cheaper.
 module microslip_contact_kept_factor
    use, intrinsic :: iso_fortran_env, only: real32
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_laws, only: state_open, state_slip
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: factor_single, solve_single
+   use microslip_linalg_dense, only: add_product_single, inverse_single
    implicit none(type, external)
    private
 
@@ -21,13 +22,12 @@ module microslip_contact_kept_factor
 
    type :: kept_factor_t
       logical :: exists = .false., fresh = .false.
-      !> Codes of the factorised unknowns, and of the border: code > 0 came, -(place in `codes`) went
+      !> Codes of the inverted unknowns, and of the border: code > 0 came, -(place in `codes`) went
       integer, allocatable, private :: codes(:), border(:)
-      real(real32), allocatable, private :: lu(:, :)
-      integer, allocatable, private :: pivot(:)
-      !> (factorised, border) J^-1 times the border's columns; (border, factorised) its rows; Schur complement
-      real(real32), allocatable, private :: right(:, :), below(:, :), schur(:, :), schur_factor(:, :)
-      integer, allocatable, private :: schur_pivot(:)
+      !> J^-1
+      real(real32), allocatable, private :: inverse(:, :)
+      !> (inverted, border) J^-1 times the border's columns; (border, inverted) its rows; Schur complement, its inverse
+      real(real32), allocatable, private :: right(:, :), below(:, :), schur(:, :), schur_inverse(:, :)
       !> (2, columns), (columns) linearisation of the laws
       real(wp), allocatable, private :: direction(:, :), beta(:)
    contains
@@ -127,30 +127,28 @@ contains
       class(kept_factor_t), intent(inout) :: self
       type(contact_block_t), intent(in) :: block
       logical, intent(out) :: singular
-      integer :: n
 
       self%codes = unknowns_of(block)
       self%border = [integer ::]
-      n = size(self%codes)
-      if (allocated(self%lu)) then
-         if (size(self%lu, 1) < n) deallocate (self%lu, self%pivot)
-      end if
-      if (.not. allocated(self%lu)) allocate (self%lu(n + n/2 + 16, n + n/2 + 16), self%pivot(n + n/2 + 16))
-      call fill_jacobian(self, block, self%codes, self%codes, self%lu)
-      call factor_single(n, self%lu, self%pivot, singular)
+      call fill_jacobian(self, block, self%codes, self%codes, self%inverse)
+      call inverse_single(self%inverse, singular)
       self%exists = .not. singular
       self%fresh = .true.
    end subroutine rebuild
 
-   !> J between the unknowns `rows` and `columns`, into the leading part of `J`.
+   !> J between the unknowns `rows` and `columns`; J is allocated where its shape is another.
    subroutine fill_jacobian(self, block, rows, columns, J)
       type(kept_factor_t), intent(in) :: self
       type(contact_block_t), intent(in) :: block
       integer, intent(in) :: rows(:), columns(:)
-      real(real32), intent(inout) :: J(:, :)
+      real(real32), allocatable, intent(inout) :: J(:, :)
       real(wp) :: tangential(2), along, factor
       integer :: i, k, a, b, r
 
+      if (allocated(J)) then
+         if (any(shape(J) /= [size(rows), size(columns)])) deallocate (J)
+      end if
+      if (.not. allocated(J)) allocate (J(size(rows), size(columns)))
       do k = 1, size(columns)
          b = (columns(k) - 1)/kinds + 1
          select case (mod(columns(k) - 1, kinds) + 1)
@@ -202,7 +200,7 @@ contains
       integer, intent(in) :: border(:), kept
       logical, intent(out) :: singular
       real(real32), allocatable :: right(:, :), below(:, :), schur(:, :), part(:, :)
-      integer, allocatable :: came(:), rows(:)
+      integer, allocatable :: came(:), old(:), place(:), rows(:)
       integer :: n, m, k
 
       n = size(self%codes)
@@ -215,33 +213,30 @@ contains
       end if
       rows = pack([(k, k=kept + 1, m)], border(kept + 1:) > 0)
       came = border(rows)
-      allocate (part(max(n, m), max(n, m)))
       call fill_jacobian(self, block, self%codes, came, part)
-      right(:, rows) = part(:n, :size(came))
+      right(:, rows) = part
       call fill_jacobian(self, block, came, self%codes, part)
-      below(rows, :) = part(:size(came), :n)
+      below(rows, :) = part
       call fill_jacobian(self, block, came, came, part)
-      schur(rows, rows) = part(:size(came), :size(came))
+      schur(rows, rows) = part
       if (kept > 0) then
-         associate (old => pack(border(:kept), border(:kept) > 0), place => pack([(k, k=1, kept)], border(:kept) > 0))
-            call fill_jacobian(self, block, old, came, part)
-            schur(place, rows) = part(:size(old), :size(came))
-            call fill_jacobian(self, block, came, old, part)
-            schur(rows, place) = part(:size(came), :size(old))
-         end associate
+         place = pack([(k, k=1, kept)], border(:kept) > 0)
+         old = border(place)
+         call fill_jacobian(self, block, old, came, part)
+         schur(place, rows) = part
+         call fill_jacobian(self, block, came, old, part)
+         schur(rows, place) = part
       end if
       do k = kept + 1, m
          if (border(k) > 0) cycle
          right(-border(k), k) = 1.0_real32
          below(k, -border(k)) = 1.0_real32
       end do
-      call solve_single(n, m - kept, self%lu, self%pivot, right(:, kept + 1:))
+      right(:, kept + 1:) = matmul(self%inverse, right(:, kept + 1:))
       schur(:, kept + 1:) = schur(:, kept + 1:) - matmul(below, right(:, kept + 1:))
       schur(kept + 1:, :kept) = schur(kept + 1:, :kept) - matmul(below(kept + 1:, :), right(:, :kept))
-      self%schur_factor = schur
-      if (allocated(self%schur_pivot)) deallocate (self%schur_pivot)
-      allocate (self%schur_pivot(m))
-      call factor_single(m, self%schur_factor, self%schur_pivot, singular)
+      self%schur_inverse = schur
+      call inverse_single(self%schur_inverse, singular)
       self%border = border
       call move_alloc(right, self%right)
       call move_alloc(below, self%below)
@@ -256,7 +251,7 @@ contains
       real(wp), intent(in) :: residual(:, :)
       !> (columns) and (2, columns) m: zero where nothing is unknown
       real(wp), intent(out) :: dx_n(:), dx_t(:, :)
-      real(real32) :: x(size(self%codes), 1), z(size(self%border), 1)
+      real(real32) :: x(size(self%codes)), r(size(self%codes)), z(size(self%border))
       real(wp) :: scale
       integer :: n, m, k
 
@@ -267,24 +262,24 @@ contains
       ! Single precision has a short range of exponents: solve for a residual of order one.
       scale = max(maxval(abs(residual)), tiny(1.0_wp))
       do k = 1, n
-         x(k, 1) = entry(self%codes(k))
+         r(k) = entry(self%codes(k))
       end do
-      call solve_single(n, 1, self%lu, self%pivot, x)
+      x = 0.0_real32
+      call add_product_single(n, n, self%inverse, r, x)
       if (m > 0) then
          do k = 1, m
-            z(k, 1) = 0.0_real32
-            if (self%border(k) > 0) z(k, 1) = entry(self%border(k))
+            z(k) = 0.0_real32
+            if (self%border(k) > 0) z(k) = entry(self%border(k))
          end do
-         z(:, 1) = z(:, 1) - matmul(self%below, x(:, 1))
-         call solve_single(m, 1, self%schur_factor, self%schur_pivot, z)
-         x(:, 1) = x(:, 1) - matmul(self%right, z(:, 1))
+         z = matmul(self%schur_inverse, z - matmul(self%below, x))
+         call add_product_single(n, m, self%right, -z, x)
          do k = 1, m
-            if (self%border(k) > 0) call put(self%border(k), z(k, 1))
-            if (self%border(k) < 0) x(-self%border(k), 1) = 0.0_real32
+            if (self%border(k) > 0) call put(self%border(k), z(k))
+            if (self%border(k) < 0) x(-self%border(k)) = 0.0_real32
          end do
       end if
       do k = 1, n
-         call put(self%codes(k), x(k, 1))
+         call put(self%codes(k), x(k))
       end do
 
    contains

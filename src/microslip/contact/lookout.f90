@@ -16,7 +16,7 @@ module microslip_contact_lookout
    public :: lookout_t
 
    !> Base points in a tile.
-   integer, parameter :: tile_size = 16
+   integer, parameter :: tile_size = 8
 
    !> Watched: the points of the base set, then those outside it.
    type :: lookout_t

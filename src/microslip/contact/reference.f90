@@ -30,6 +30,7 @@ module microslip_contact_reference
       real(wp), private :: c = 0.0_wp
    contains
       procedure :: take
+      procedure :: move_up
       procedure :: moves
       procedure :: force_of
       procedure :: gap_outside
@@ -77,6 +78,20 @@ contains
       allocate (self%has_moved(n), source=.false.)
    end subroutine take
 
+   !> Count from the present on: forces and gaps as they are at driver q, nothing has moved.
+   subroutine move_up(self, q, force, gap)
+      class(reference_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      !> (3, inside) N and (outside) m
+      real(wp), intent(in) :: force(:, :), gap(:)
+
+      self%q = q
+      self%force = force
+      self%gap = gap
+      self%moved = 0.0_wp
+      self%has_moved = .false.
+   end subroutine move_up
+
    !> What moved since, with the increments of the present step (in the blocks) or without.
    function moves(self, blocks) result(list)
       class(reference_t), intent(in) :: self
@@ -109,15 +124,30 @@ contains
       integer, intent(in) :: place
       real(wp), intent(in) :: q(:)
       type(moves_t), intent(in) :: moves
-      real(wp) :: force(3)
-      integer :: c, k, m
+      real(wp) :: force(3), f_1, f_2, f_3
+      integer :: j, k, m
 
-      do c = 1, 3
-         k = 3*place - 3 + c
-         force(c) = self%force(c, place) + dot_product(base%slope(:, k), q - self%q)
-         do m = 1, size(moves%place)
-            force(c) = force(c) + dot_product(base%M(3*moves%place(m) - 2:3*moves%place(m), k), moves%x(:, m))
-         end do
+      k = 3*place
+      f_1 = 0.0_wp
+      f_2 = 0.0_wp
+      f_3 = 0.0_wp
+      !$omp simd reduction(+:f_1, f_2, f_3)
+      do m = 1, size(q)
+         f_1 = f_1 + base%slope(m, k - 2)*(q(m) - self%q(m))
+         f_2 = f_2 + base%slope(m, k - 1)*(q(m) - self%q(m))
+         f_3 = f_3 + base%slope(m, k)*(q(m) - self%q(m))
+      end do
+      !$omp simd reduction(+:f_1, f_2, f_3) private(j)
+      do m = 1, size(moves%place)
+         j = 3*moves%place(m)
+         f_1 = f_1 + base%M(j - 1, k - 2)*moves%x(2, m) + base%M(j, k - 2)*moves%x(3, m)
+         f_2 = f_2 + base%M(j - 1, k - 1)*moves%x(2, m) + base%M(j, k - 1)*moves%x(3, m)
+         f_3 = f_3 + base%M(j - 1, k)*moves%x(2, m) + base%M(j, k)*moves%x(3, m)
+      end do
+      force = self%force(:, place) + [f_1, f_2, f_3]
+      do m = 1, size(moves%place)
+         if (moves%x(1, m) == 0.0_wp) cycle
+         force = force + base%M(3*moves%place(m) - 2, k - 2:k)*moves%x(1, m)
       end do
    end function force_of
 
@@ -129,12 +159,17 @@ contains
       integer, intent(in) :: place
       real(wp), intent(in) :: q(:)
       type(moves_t), intent(in) :: moves
-      integer :: m
+      real(wp) :: gap
+      integer :: j, m
 
-      gap_outside = self%gap(place) + dot_product(base%slope_outside(:, place), q - self%q)
+      gap = self%gap(place) + dot_product(base%slope_outside(:, place), q - self%q)
+      !$omp simd reduction(+:gap) private(j)
       do m = 1, size(moves%place)
-         gap_outside = gap_outside + dot_product(base%T_t(3*moves%place(m) - 2:3*moves%place(m), place), moves%x(:, m))
+         j = 3*moves%place(m)
+         gap = gap + base%T_t(j - 2, place)*moves%x(1, m) + base%T_t(j - 1, place)*moves%x(2, m) &
+            & + base%T_t(j, place)*moves%x(3, m)
       end do
+      gap_outside = gap
    end function gap_outside
 
    !> Forces of all points of the base set and gaps of all outside.

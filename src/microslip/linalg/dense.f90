@@ -12,7 +12,7 @@ module microslip_linalg_dense
    public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
    public :: eigen_symmetric, eigen_generalised
    public :: product_of, product_symmetric, add_product, gram_product, mirror_upper
-   public :: factor_single, solve_single, add_product_single, orthonormalise
+   public :: inverse_single, add_product_single, orthonormalise
 
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
    !> threads, which takes longer than the product.
@@ -132,14 +132,13 @@ module microslip_linalg_dense
          integer, intent(out) :: pivot(*), info
       end subroutine sgetrf
 
-      subroutine sgetrs(trans, n, nrhs, a, lda, pivot, b, ldb, info)
+      subroutine sgetri(n, a, lda, pivot, work, lwork, info)
          import :: real32
-         character(len=1), intent(in) :: trans
-         integer, intent(in) :: n, nrhs, lda, ldb, pivot(*)
-         real(real32), intent(in) :: a(lda, *)
-         real(real32), intent(inout) :: b(ldb, *)
+         integer, intent(in) :: n, lda, pivot(*), lwork
+         real(real32), intent(inout) :: a(lda, *)
+         real(real32), intent(out) :: work(*)
          integer, intent(out) :: info
-      end subroutine sgetrs
+      end subroutine sgetri
 
       subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
          import :: wp
@@ -375,6 +374,24 @@ contains
       end do
    end subroutine add_product_single
 
+   !> A becomes its inverse, in single precision.
+   subroutine inverse_single(a, singular)
+      !> (n, n)
+      real(real32), intent(inout), contiguous :: a(:, :)
+      logical, intent(out) :: singular
+      real(real32), allocatable :: work(:)
+      integer :: pivot(size(a, 1)), n, info
+
+      n = size(a, 1)
+      singular = .false.
+      if (n == 0) return
+      call sgetrf(n, n, a, n, pivot, info)
+      singular = info /= 0
+      if (singular) return
+      allocate (work(64*n))
+      call sgetri(n, a, n, pivot, work, size(work), info)
+   end subroutine inverse_single
+
    !> The columns of A become an orthonormal basis of what they span (Householder; rows >= columns).
    subroutine orthonormalise(a)
       real(wp), intent(inout), contiguous :: a(:, :)
@@ -396,31 +413,6 @@ contains
       end if
       call dorgqr(m, n, n, a, m, tau, work, size(work), info)
    end subroutine orthonormalise
-
-   !> A = P L U of the leading n rows and columns in single precision, in place.
-   subroutine factor_single(n, a, pivot, singular)
-      integer, intent(in) :: n
-      real(real32), intent(inout), contiguous :: a(:, :)
-      !> (n)
-      integer, intent(out), contiguous :: pivot(:)
-      logical, intent(out) :: singular
-      integer :: info
-
-      info = 0
-      if (n > 0) call sgetrf(n, n, a, size(a, 1), pivot, info)
-      singular = info /= 0
-   end subroutine factor_single
-
-   !> Solve with a factor of `factor_single`; the leading n rows of `b` become the solutions.
-   subroutine solve_single(n, columns, factor, pivot, b)
-      integer, intent(in) :: n, columns
-      real(real32), intent(in), contiguous :: factor(:, :)
-      integer, intent(in), contiguous :: pivot(:)
-      real(real32), intent(inout), contiguous :: b(:, :)
-      integer :: info
-
-      if (n > 0 .and. columns > 0) call sgetrs('N', n, columns, factor, size(factor, 1), pivot, b, size(b, 1), info)
-   end subroutine solve_single
 
    !> C <- factor op(A) op(B) + keep C, with op(X) = X or X^T.
    subroutine product_of(a, b, c, transpose_a, transpose_b, factor, keep)
