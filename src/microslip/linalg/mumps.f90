@@ -15,7 +15,8 @@
 !>   ICNTL(27)      right-hand sides treated together
 !>   INFOG(12)      negative pivots
 module microslip_linalg_mumps
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_procpointer, c_funptr, c_int, c_null_char, &
+      & c_null_ptr, c_ptr
    use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, i8
@@ -57,6 +58,15 @@ module microslip_linalg_mumps
          character(kind=c_char), intent(in) :: name(*), value(*)
          integer(c_int), value :: overwrite
       end function c_setenv
+
+      type(c_funptr) function c_dlsym(library, name) bind(c, name='dlsym')
+         import :: c_char, c_funptr, c_ptr
+         type(c_ptr), value :: library
+         character(kind=c_char), intent(in) :: name(*)
+      end function c_dlsym
+
+      subroutine c_reset() bind(c)
+      end subroutine c_reset
    end interface
 
    !> What MUMPS does
@@ -124,10 +134,8 @@ contains
       type(symmetric_factor_t), intent(inout) :: self
       type(symmetric_sparse_t), intent(in), target :: matrix
       integer :: i
-      integer(c_int) :: status
 
-      ! In one thread SCOTCH finds the same order every time, in several it does not; what the user has set stays.
-      status = c_setenv('SCOTCH_PTHREAD_NUMBER'//c_null_char, '1'//c_null_char, 0_c_int)
+      call make_ordering_reproducible()
       allocate (self%id)
       self%id%comm = 0
       self%id%par = 1
@@ -153,6 +161,20 @@ contains
       self%id%jcn => matrix%column
       self%id%a => matrix%value
    end subroutine start
+
+   !> Let SCOTCH find the same order every time: in one thread, unless the user has set another number, and from the
+   !> same random numbers. It is MUMPS that links SCOTCH, or does not: hence the search by name.
+   subroutine make_ordering_reproducible()
+      procedure(c_reset), pointer :: reset
+      type(c_funptr) :: address
+      integer(c_int) :: status
+
+      status = c_setenv('SCOTCH_PTHREAD_NUMBER'//c_null_char, '1'//c_null_char, 0_c_int)
+      address = c_dlsym(c_null_ptr, 'SCOTCH_randomReset'//c_null_char)
+      if (.not. c_associated(address)) return
+      call c_f_procpointer(address, reset)
+      call reset()
+   end subroutine make_ordering_reproducible
 
    !> Ask for a Schur complement; the analysis is repeated with its own order, the Schur rows moved to the end.
    subroutine prepare_schur(id, rows, schur)
