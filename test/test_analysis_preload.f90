@@ -47,6 +47,7 @@ contains
          & new_unittest('load steps', test_load_steps), &
          & new_unittest('solvers agree', test_solvers), &
          & new_unittest('points left out stay open', test_potential_set), &
+         & new_unittest('normal gaps of all points', test_normal_gaps), &
          & new_unittest('a structure that can move freely is refused', test_free_structure), &
          & new_unittest('loads that press nothing are refused', test_useless_load)]
    end subroutine collect_analysis_preload
@@ -364,6 +365,48 @@ contains
       call system%widen_where_closed(state%modal, state%contact%force, state%amplitude, added, lib)
       call check(error,.not. allocated(lib) .and. added == 0, 'points join that need not')
    end subroutine test_potential_set
+
+   !> The quick normal gaps are those of the full evaluation: one pad of equal and of unequal materials, two pads.
+   subroutine test_normal_gaps(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(brick_joint_t) :: joint
+      type(reduced_model_t) :: reduced
+      type(jointed_system_t) :: system
+
+      call make_brick_joint(brick_hill, 0.6_wp, joint, lib)
+      if (.not. allocated(lib)) call compare_gaps(joint%system, error, lib)
+      if (.not. (allocated(lib) .or. allocated(error))) call make_brick_joint(brick_hill, 0.6_wp, joint, lib, elastic=unequal)
+      if (.not. (allocated(lib) .or. allocated(error))) call compare_gaps(joint%system, error, lib)
+      if (.not. (allocated(lib) .or. allocated(error))) call make_joint(20, 12, joint_hill, reduced, system, lib)
+      if (.not. (allocated(lib) .or. allocated(error))) call compare_gaps(system, error, lib)
+      if (allocated(lib)) call good(error, lib)
+   end subroutine test_normal_gaps
+
+   !> Random motion, forces on every other of the points in potential contact, which are two in three.
+   subroutine compare_gaps(system, error, lib)
+      type(jointed_system_t), intent(inout) :: system
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable, intent(out) :: lib
+      real(wp), allocatable :: force(:, :), everywhere(:, :), gap(:)
+      real(wp) :: modal(system%n_modes), amplitude(system%n_loads)
+      integer :: k
+      !> Rounding of some thousand terms
+      real(wp), parameter :: rounding = 1.0e4_wp*epsilon(1.0_wp)
+
+      call system%restrict([(modulo(k, 3) /= 0, k=1, system%grid_point_count())], lib)
+      if (allocated(lib)) return
+      allocate (force(3, system%problem%n_points), gap(system%grid_point_count()))
+      call random_number(force)
+      call random_number(modal)
+      call random_number(amplitude)
+      force(2:3, :) = force(2:3, :) - 0.5_wp
+      force(:, ::2) = 0.0_wp
+      modal = 1.0e-6_wp*modal
+      everywhere = system%gaps_everywhere(modal, force, amplitude)
+      call system%normal_gaps_everywhere(modal, force, amplitude, gap)
+      call check(error, maxval(abs(gap - everywhere(1, :))) <= rounding*maxval(abs(everywhere)), 'the normal gaps differ')
+   end subroutine compare_gaps
 
    !> A block that only the contact could hold.
    subroutine test_free_structure(error)

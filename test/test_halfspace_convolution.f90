@@ -78,12 +78,12 @@ contains
       type(be_grid_t) :: grid
       type(half_space_pair_t) :: pair
       type(convolution_t) :: convolution
-      real(wp), allocatable :: c(:, :), lambda(:, :), u(:, :), reference(:, :)
+      real(wp), allocatable :: c(:, :), lambda(:, :), u(:, :), u_n(:), reference(:, :)
       integer :: k, n
 
       call make_compliance(nx, ny, nu_b, compliance, grid, pair)
       n = grid%point_count()
-      allocate (c(3*n, 3*n), lambda(3, n), u(3, n))
+      allocate (c(3*n, 3*n), lambda(3, n), u(3, n), u_n(n))
       call compliance%gather([(k, k=1, n)], [(k, k=1, n)], c)
       call new_convolution(convolution, compliance)
       do k = 1, 2
@@ -92,6 +92,9 @@ contains
          call convolution%apply(lambda, u)
          reference = reshape(matmul(c, reshape(lambda, [3*n])), [3, n])
          call check(error, maxval(abs(u - reference)) <= tol*maxval(abs(reference)))
+         if (allocated(error)) exit
+         call convolution%apply_normal(lambda, u_n)
+         call check(error, maxval(abs(u_n - reference(1, :))) <= tol*maxval(abs(reference)), 'normal part')
          if (allocated(error)) exit
       end do
       call convolution%release()

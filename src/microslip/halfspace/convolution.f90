@@ -37,8 +37,11 @@ module microslip_halfspace_convolution
       !> (mx/2+1, my, 3) their transforms
       complex(wp), allocatable :: transform(:, :, :)
       type(c_ptr) :: forward = c_null_ptr, backward = c_null_ptr
+      !> The same for one component
+      type(c_ptr) :: forward_one = c_null_ptr, backward_one = c_null_ptr
    contains
       procedure :: apply
+      procedure :: apply_normal
       procedure :: release
    end type convolution_t
 
@@ -64,17 +67,28 @@ contains
       call transform_parts(convolution, compliance%table)
    end subroutine new_convolution
 
-   !> Plans for the three components at once.
+   !> Plans for the three components at once and for one.
    subroutine make_plans(convolution)
       type(convolution_t), intent(inout) :: convolution
-      integer(c_int) :: n(2), n_half(2)
 
-      n = [convolution%my, convolution%mx]
-      n_half = [convolution%my, convolution%mx/2 + 1]
-      convolution%forward = fftw_plan_many_dft_r2c(2_c_int, n, 3_c_int, convolution%field, n, 1_c_int, product(n), &
-         & convolution%transform, n_half, 1_c_int, product(n_half), FFTW_ESTIMATE)
-      convolution%backward = fftw_plan_many_dft_c2r(2_c_int, n, 3_c_int, convolution%transform, n_half, 1_c_int, &
-         & product(n_half), convolution%field, n, 1_c_int, product(n), FFTW_ESTIMATE)
+      call make_pair(3_c_int, convolution%forward, convolution%backward)
+      call make_pair(1_c_int, convolution%forward_one, convolution%backward_one)
+
+   contains
+
+      subroutine make_pair(components, forward, backward)
+         integer(c_int), intent(in) :: components
+         type(c_ptr), intent(out) :: forward, backward
+         integer(c_int) :: n(2), n_half(2)
+
+         n = [convolution%my, convolution%mx]
+         n_half = [convolution%my, convolution%mx/2 + 1]
+         forward = fftw_plan_many_dft_r2c(2_c_int, n, components, convolution%field, n, 1_c_int, product(n), &
+            & convolution%transform, n_half, 1_c_int, product(n_half), FFTW_ESTIMATE)
+         backward = fftw_plan_many_dft_c2r(2_c_int, n, components, convolution%transform, n_half, 1_c_int, &
+            & product(n_half), convolution%field, n, 1_c_int, product(n), FFTW_ESTIMATE)
+      end subroutine make_pair
+
    end subroutine make_plans
 
    !> Spectra of the parts, three at a time. The part that vanishes by symmetry is rounding and is dropped,
@@ -147,6 +161,48 @@ contains
       end do
    end subroutine apply
 
+   !> u_n, the normal part of u = C lambda, for all contact points: one transform each way where the materials do
+   !> not couple n with t.
+   subroutine apply_normal(self, lambda, u_n)
+      class(convolution_t), intent(inout) :: self
+      !> (3, points) contact forces (n, t1, t2), N
+      real(wp), intent(in) :: lambda(:, :)
+      !> (points) normal relative displacements, m
+      real(wp), intent(out) :: u_n(:)
+      integer :: point, components
+      logical :: coupled
+
+      coupled = size(self%spectrum, 3) > part_12
+      components = merge(3, 1, coupled)
+      self%field(:, :, :components) = 0.0_wp
+      do point = 1, size(self%ix)
+         self%field(self%ix(point), self%iy(point), :components) = lambda(:components, point)
+      end do
+      if (coupled) then
+         call fftw_execute_dft_r2c(self%forward, self%field, self%transform)
+      else
+         call fftw_execute_dft_r2c(self%forward_one, self%field, self%transform)
+      end if
+      call multiply_normal(self%spectrum, self%transform)
+      call fftw_execute_dft_c2r(self%backward_one, self%transform, self%field)
+      do point = 1, size(self%ix)
+         u_n(point) = self%field(self%ix(point), self%iy(point), 1)
+      end do
+   end subroutine apply_normal
+
+   !> The normal component of the product at every frequency, in place.
+   pure subroutine multiply_normal(k, f)
+      !> (mx/2+1, my, 4 or 6) spectra of the parts of C
+      real(wp), intent(in), contiguous :: k(:, :, :)
+      !> (mx/2+1, my, 3) transformed forces; normal displacements in the first component
+      complex(wp), intent(inout), contiguous :: f(:, :, :)
+      complex(wp), parameter :: imaginary = (0.0_wp, 1.0_wp)
+
+      f(:, :, 1) = k(:, :, part_nn)*f(:, :, 1)
+      if (size(k, 3) == part_12) return
+      f(:, :, 1) = f(:, :, 1) + imaginary*(k(:, :, part_n1)*f(:, :, 2) + k(:, :, part_n2)*f(:, :, 3))
+   end subroutine multiply_normal
+
    !> The three-component product at every frequency, in place.
    pure subroutine multiply_spectra(k, f)
       !> (mx/2+1, my, 4 or 6) spectra of the parts of C
@@ -178,11 +234,18 @@ contains
    subroutine release(self)
       class(convolution_t), intent(inout) :: self
 
-      if (c_associated(self%forward)) call fftw_destroy_plan(self%forward)
-      if (c_associated(self%backward)) call fftw_destroy_plan(self%backward)
-      self%forward = c_null_ptr
-      self%backward = c_null_ptr
+      call destroy(self%forward)
+      call destroy(self%backward)
+      call destroy(self%forward_one)
+      call destroy(self%backward_one)
    end subroutine release
+
+   subroutine destroy(plan)
+      type(c_ptr), intent(inout) :: plan
+
+      if (c_associated(plan)) call fftw_destroy_plan(plan)
+      plan = c_null_ptr
+   end subroutine destroy
 
    !> The smallest size from n on that has only the factors 2, 3, 5 and 7.
    pure integer function good_size(n)

@@ -35,6 +35,7 @@ module microslip_halfspace_coupling
       real(wp), allocatable :: weight(:)
    contains
       procedure :: interpolate
+      procedure :: interpolate_component
       procedure :: interpolate_columns
       procedure :: distribute
    end type coupling_t
@@ -111,6 +112,25 @@ contains
       end do
    end subroutine interpolate
 
+   !> W^T x of one component alone.
+   pure subroutine interpolate_component(self, nodal, at_points)
+      class(coupling_t), intent(in) :: self
+      !> (pairs)
+      real(wp), intent(in), contiguous :: nodal(:)
+      !> (points)
+      real(wp), intent(out), contiguous :: at_points(:)
+      integer :: p, m
+      real(wp) :: total
+
+      do p = 1, self%points
+         total = 0.0_wp
+         do m = self%start(p), self%start(p + 1) - 1
+            total = total + self%weight(m)*nodal(self%pair(m))
+         end do
+         at_points(p) = total
+      end do
+   end subroutine interpolate_component
+
    !> W x: the nodal forces that do the same work as forces at the points.
    pure subroutine distribute(self, at_points, nodal)
       class(coupling_t), intent(in) :: self
@@ -122,6 +142,7 @@ contains
 
       nodal = 0.0_wp
       do p = 1, self%points
+         if (all(at_points(:, p) == 0.0_wp)) cycle
          do m = self%start(p), self%start(p + 1) - 1
             nodal(:, self%pair(m)) = nodal(:, self%pair(m)) + self%weight(m)*at_points(:, p)
          end do

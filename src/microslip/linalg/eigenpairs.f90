@@ -11,6 +11,7 @@ module microslip_linalg_eigenpairs
    use microslip_linalg_dense, only: eigen_symmetric, product_of
    use microslip_linalg_mumps, only: symmetric_factor_t
    use microslip_linalg_sparse, only: symmetric_sparse_t
+   use microslip_linalg_sparse_algebra, only: multiply_many
    implicit none(type, external)
    private
 
@@ -80,7 +81,6 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: active(:)
       real(wp), allocatable :: theta(:)
-      integer :: k
 
       allocate (lambda(count), vectors(mass%n, count), theta(count))
       if (count == 0) return
@@ -97,9 +97,7 @@ contains
       if (allocated(error)) return
       lambda = shift + 1.0_wp/theta
       call sort_and_sign(lambda, vectors)
-      do k = 1, count
-         call measure_residual(mass, factor, active, shift, lambda(k), vectors(:, k), record)
-      end do
+      call measure_residual(mass, factor, active, lambda - shift, vectors, record)
    end subroutine nearest_eigenpairs
 
    !> ARPACK's reverse communication.
@@ -258,22 +256,30 @@ contains
       record%basis = n
    end subroutine solve_dense
 
-   !> Largest |OP x - theta x|_M / |theta| so far.
-   subroutine measure_residual(mass, factor, active, shift, lambda, x, record)
+   !> Largest |OP x - theta x|_M / |theta|: all vectors in one pass through the factor.
+   subroutine measure_residual(mass, factor, active, distance, x, record)
       type(symmetric_sparse_t), intent(in) :: mass
       type(symmetric_factor_t), intent(inout) :: factor
       integer, intent(in) :: active(:)
-      real(wp), intent(in) :: shift, lambda
-      real(wp), intent(in) :: x(:)
+      !> (pairs) lambda - shift = 1/theta
+      real(wp), intent(in) :: distance(:)
+      !> (n, pairs)
+      real(wp), intent(in), contiguous :: x(:, :)
       type(eigen_record_t), intent(inout) :: record
-      real(wp) :: y(size(x)), my(size(x))
+      real(wp), allocatable :: y(:, :), my(:, :)
+      integer :: k
 
-      call multiply_active(mass, active, x, y)
+      allocate (y, my, mold=x)
+      call multiply_many(mass, x, y)
       call factor%solve(y)
-      record%solves = record%solves + 1
-      y = (lambda - shift)*y - x
-      call multiply_active(mass, active, y, my)
-      record%residual = max(record%residual, sqrt(max(0.0_wp, dot_product(y, my))))
+      record%solves = record%solves + size(x, 2)
+      do k = 1, size(x, 2)
+         y(:, k) = distance(k)*y(:, k) - x(:, k)
+      end do
+      call multiply_many(mass, y, my)
+      do k = 1, size(x, 2)
+         record%residual = max(record%residual, sqrt(max(0.0_wp, dot_product(y(active, k), my(active, k)))))
+      end do
    end subroutine measure_residual
 
    !> Eigenvalues ascending; the largest component of every vector positive.

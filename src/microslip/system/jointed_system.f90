@@ -40,6 +40,8 @@ module microslip_system_jointed_system
       integer, allocatable :: previous_index(:)
       !> F, (boundary, boundary), and K_bi, (boundary, modes)
       real(wp), allocatable, private :: flexibility(:, :), K_bi(:, :)
+      !> Normal rows of F, (pairs, boundary), and of F [-K_bi, f_b], (pairs, modes + loads on nodes)
+      real(wp), allocatable, private :: flexibility_normal(:, :), static_normal(:, :)
       !> (boundary, loads) and (boundary, sensors)
       real(wp), allocatable, private :: load_boundary(:, :), sensor_boundary(:, :)
    contains
@@ -51,6 +53,7 @@ module microslip_system_jointed_system
       procedure :: sensor_values
       procedure :: boundary_displacement
       procedure :: gaps_everywhere
+      procedure :: normal_gaps_everywhere
       procedure :: interface_forces
       procedure :: add_modal_load
    end type jointed_system_t
@@ -100,6 +103,11 @@ contains
       system%stiffness = reduced%K_ii
       call product_of(reduced%K_bi, work, system%stiffness, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
       system%stiffness = 0.5_wp*(system%stiffness + transpose(system%stiffness))
+
+      system%flexibility_normal = system%flexibility(1::3, :)
+      system%static_normal = matmul(system%flexibility_normal, system%load_boundary)
+      system%static_normal = reshape([-work(1::3, :), system%static_normal], &
+         & [size(work, 1)/3, system%n_modes + n_loads])
 
       ! Reduced patterns: modal part p_i - K_bi^T F p_b, boundary compliance p_b^T F p_b.
       system%load_modal = reduced%pattern_i(:, :n_loads) - matmul(transpose(work), system%load_boundary)
@@ -266,23 +274,31 @@ contains
       !> (loads)
       real(wp), intent(in) :: amplitude(:)
       real(wp) :: d_b(size(self%K_bi, 1)), load(size(self%K_bi, 1))
-      real(wp), allocatable :: everywhere(:, :), nodal(:, :)
+
+      load = matmul(self%load_boundary, amplitude(:size(self%load_boundary, 2))) - matmul(self%K_bi, modal) &
+         & + nodal_force(self, force)
+      call product_symmetric(self%flexibility, load, d_b)
+   end function boundary_displacement
+
+   !> W lambda: the contact forces on the boundary, (boundary), N.
+   pure function nodal_force(self, force) result(load)
+      class(jointed_system_t), intent(in) :: self
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp) :: load(size(self%K_bi, 1))
+      real(wp), allocatable :: nodal(:, :)
       integer :: k, n
 
-      load = matmul(self%load_boundary, amplitude(:size(self%load_boundary, 2))) - matmul(self%K_bi, modal)
       do k = 1, size(self%pads)
          associate (pad => self%pads(k))
-            everywhere = spread_to_grid(pad, force)
             n = pad%boundary_count()
             allocate (nodal(3, n/3))
-            call pad%coupling%distribute(everywhere, nodal)
-            load(pad%boundary_offset + 1:pad%boundary_offset + n) = &
-               & load(pad%boundary_offset + 1:pad%boundary_offset + n) + reshape(nodal, [n])
+            call pad%coupling%distribute(spread_to_grid(pad, force), nodal)
+            load(pad%boundary_offset + 1:pad%boundary_offset + n) = reshape(nodal, [n])
             deallocate (nodal)
          end associate
       end do
-      call product_symmetric(self%flexibility, load, d_b)
-   end function boundary_displacement
+   end function nodal_force
 
    !> Contact forces of a pad on its whole grid, zero on points left out, (3, grid points).
    pure function spread_to_grid(pad, force) result(everywhere)
@@ -323,6 +339,39 @@ contains
       end do
    end function gaps_everywhere
 
+   !> The normal part of `gaps_everywhere`, made cheap for the check of every so many time steps: what is constant
+   !> in F is at hand, and only the columns of node pairs that carry a contact force are read.
+   subroutine normal_gaps_everywhere(self, modal, force, amplitude, gap)
+      !> The workspaces of its pads are used
+      class(jointed_system_t), intent(inout) :: self
+      real(wp), intent(in) :: modal(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      !> (grid points of all pads) m
+      real(wp), intent(out) :: gap(:)
+      real(wp) :: load(size(self%K_bi, 1)), normal(size(self%K_bi, 1)/3)
+      integer :: k, first, points, pairs
+
+      normal = matmul(self%static_normal, [modal, amplitude(:size(self%load_boundary, 2))])
+      load = nodal_force(self, force)
+      do k = 1, size(load)
+         if (load(k) /= 0.0_wp) normal = normal + self%flexibility_normal(:, k)*load(k)
+      end do
+      first = 0
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            points = pad%grid%point_count()
+            pairs = pad%boundary_offset/3
+            call pad%normal_displacement(spread_to_grid(pad, force), &
+               & normal(pairs + 1:pairs + pad%boundary_count()/3), gap(first + 1:first + points))
+            gap(first + 1:first + points) = gap(first + 1:first + points) - pad%height
+            first = first + points
+         end associate
+      end do
+   end subroutine normal_gaps_everywhere
+
    !> Check the points left out of the potential contact set; where one penetrates, it joins, and with it all
    !> whose gap is less than a twentieth of the largest initial gap.
    subroutine widen_where_closed(self, modal, force, amplitude, added, error)
@@ -335,15 +384,16 @@ contains
       !> Number of points that joined
       integer, intent(out) :: added
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: gap(:, :)
+      real(wp), allocatable :: gap(:)
       logical, allocatable :: potential(:)
       integer :: k, first
       real(wp) :: deepest
 
       added = 0
       if (self%problem%n_points == self%grid_point_count()) return
-      gap = self%gaps_everywhere(modal, force, amplitude)
-      allocate (potential(size(gap, 2)), source=.false.)
+      allocate (gap(self%grid_point_count()))
+      call self%normal_gaps_everywhere(modal, force, amplitude, gap)
+      allocate (potential(size(gap)), source=.false.)
       first = 0
       deepest = 0.0_wp
       do k = 1, size(self%pads)
@@ -351,8 +401,8 @@ contains
          first = first + size(self%pads(k)%height)
          deepest = min(deepest, minval(self%pads(k)%height))
       end do
-      if (.not. any(gap(1, :) < 0.0_wp .and. .not. potential)) return
-      potential = potential .or. gap(1, :) < -0.05_wp*deepest
+      if (.not. any(gap < 0.0_wp .and. .not. potential)) return
+      potential = potential .or. gap < -0.05_wp*deepest
       added = count(potential) - self%problem%n_points
       call self%restrict(potential, error)
    end subroutine widen_where_closed

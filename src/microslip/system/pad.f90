@@ -31,6 +31,7 @@ module microslip_system_pad
    contains
       procedure :: boundary_count
       procedure :: displacement
+      procedure :: normal_displacement
    end type pad_t
 
 contains
@@ -86,5 +87,21 @@ contains
       call self%coupling%interpolate(boundary, far)
       u = u + far
    end function displacement
+
+   !> The normal component of `displacement`, in the workspace of the pad itself.
+   subroutine normal_displacement(self, force, boundary, u_n)
+      class(pad_t), intent(inout) :: self
+      !> (3, grid points) contact forces, N
+      real(wp), intent(in), contiguous :: force(:, :)
+      !> (pairs) normal relative displacements of the node pairs, m
+      real(wp), intent(in), contiguous :: boundary(:)
+      !> (grid points) m
+      real(wp), intent(out), contiguous :: u_n(:)
+      real(wp) :: far(size(u_n))
+
+      call self%convolution%apply_normal(force, u_n)
+      call self%coupling%interpolate_component(boundary, far)
+      u_n = u_n + far
+   end subroutine normal_displacement
 
 end module microslip_system_pad
