@@ -22,7 +22,7 @@ program frictional_contact
    real(wp), parameter :: wanted_error = 1.0e-8_wp
    !> Of the solvers: relative to the largest force, which reaches 4e5 in these problems.
    real(wp), parameter :: tolerance = 1.0e-12_wp
-   integer, parameter :: max_iterations = 20000
+   integer, parameter :: max_iterations = 30000
    !> Solves that are repeated for the time if they are short, s.
    real(wp), parameter :: short_time = 0.05_wp
    integer, dimension(size(contact_solver_names)) :: solved, converged, untrue

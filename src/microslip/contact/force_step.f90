@@ -13,7 +13,10 @@ module microslip_contact_force_step
    implicit none(type, external)
    private
 
-   public :: force_step_t, begin_step, end_step, update_gap, step_residual, step_states, point_stiffness
+   public :: force_step_t, begin_step, end_step, update_gap, step_residual, force_scale, step_states, point_stiffness
+
+   !> Largest force over what closes the largest gap at one point alone.
+   real(wp), parameter :: runaway = 1.0e3_wp
 
    !> The step and its unknowns.
    type :: force_step_t
@@ -108,6 +111,21 @@ contains
          end if
       end do
    end function step_residual
+
+   !> Force that residuals are measured against, N: the largest one, but no more than `runaway` allows. Where the laws
+   !> contradict each other, forces grow without bound, and any violation would be small against them.
+   pure real(wp) function force_scale(step, stiffness)
+      type(force_step_t), intent(in) :: step
+      !> (points) augmentation, N/m
+      real(wp), intent(in) :: stiffness(:)
+      integer :: p
+
+      force_scale = 0.0_wp
+      do p = 1, size(stiffness)
+         force_scale = max(force_scale, stiffness(p)*norm2(step%c(3*p - 2:3*p)))
+      end do
+      force_scale = max(min(maxval(step%force), runaway*force_scale), tiny(1.0_wp))
+   end function force_scale
 
    !> Contact states that forces and gaps select, (points).
    pure function step_states(step, stiffness) result(status)

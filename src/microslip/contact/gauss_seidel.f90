@@ -2,13 +2,14 @@
 !>
 !> Point after point, the three forces of a point are set so that its own laws hold with all others fixed
 !> (`one_point`, exact), over- or under-relaxed. Needs no factor of G: G may be singular (hyperstatic contact)
-!> and need not be symmetric to the last digit. Where the residual stagnates, the relaxation changes.
+!> and need not be symmetric to the last digit. Where one relaxation does not get there, the next starts anew: from
+!> where the other stagnates it would stagnate as well.
 !>
 !> Jean & Moreau (1992), Unilaterality and dry friction in the dynamics of rigid body collections; Acary, Bremond
 !> & Huber (2018), On solving contact problems with Coulomb friction, section 6 (NSGS, relaxation).
 module microslip_contact_gauss_seidel
-   use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual, step_states, &
-      & point_stiffness
+   use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual, force_scale, &
+      & step_states, point_stiffness
    use microslip_contact_one_point, only: solve_one_point
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
    use microslip_core_error, only: error_t
@@ -18,11 +19,8 @@ module microslip_contact_gauss_seidel
 
    public :: gauss_seidel_t, sweep_forces
 
-   !> Relaxations, taken in turn.
+   !> Relaxations, tried in turn with an equal part of the iterations.
    real(wp), parameter :: relaxations(3) = [1.0_wp, 1.4_wp, 0.7_wp]
-   !> Sweeps in which the residual must fall to one half, else the relaxation changes; twice as many after every
-   !> round of relaxations.
-   integer, parameter :: patience = 200
    !> Sweeps after which the gaps are computed anew from the definition (rounding).
    integer, parameter :: refresh_after = 50
 
@@ -55,23 +53,25 @@ contains
       real(wp), intent(in) :: q(:)
       type(contact_state_t), intent(inout) :: state
       type(solve_record_t), intent(out) :: record
-      type(force_step_t) :: step
-      real(wp) :: before
-      integer :: sweeps, turn, trial
+      type(force_step_t) :: step, best
+      real(wp) :: residual, estimate
+      integer :: k, sweeps
 
-      step = begin_step(problem, q, state)
-      turn = 0
+      best = begin_step(problem, q, state)
       record%residual = huge(1.0_wp)
-      do while (.not. record%converged .and. record%iterations < self%max_iterations)
-         before = record%residual
-         trial = min(patience*2**min(turn/size(relaxations), 10), self%max_iterations - record%iterations)
-         call sweep_forces(problem%G, self%stiffness, relaxations(1 + mod(turn, size(relaxations))), self%tolerance, &
-            & trial, step, sweeps, record%residual, record%error_estimate)
+      do k = 1, size(relaxations)
+         step = begin_step(problem, q, state)
+         call sweep_forces(problem%G, self%stiffness, relaxations(k), self%tolerance, &
+            & (self%max_iterations - record%iterations)/(size(relaxations) - k + 1), step, sweeps, residual, estimate)
          record%iterations = record%iterations + sweeps
-         record%converged = record%residual <= self%tolerance
-         if (record%residual > 0.5_wp*before) turn = turn + 1
+         if (residual >= record%residual) cycle
+         best = step
+         record%residual = residual
+         record%error_estimate = estimate
+         record%converged = residual <= self%tolerance
+         if (record%converged) exit
       end do
-      call end_step(problem, q, step, step_states(step, self%stiffness), state)
+      call end_step(problem, q, best, step_states(best, self%stiffness), state)
    end subroutine advance
 
    !> Sweep over all points until the residual is below the limit; `step%gap` fits `step%force` on return.
@@ -99,11 +99,13 @@ contains
 
       change = 0.0_wp
       call update_gap(G, step)
+      scale = force_scale(step, stiffness)
+      residual = step_residual(step, stiffness)/scale
       do sweeps = 1, max_sweeps
          change = [change(1:2), 0.0_wp]
          call sweep_once(G, relaxation, step, change(2))
          if (mod(sweeps, refresh_after) == 0 .or. sweeps == max_sweeps) call update_gap(G, step)
-         scale = max(maxval(step%force), tiny(1.0_wp))
+         scale = force_scale(step, stiffness)
          residual = step_residual(step, stiffness)/scale
          if (residual > limit) cycle
          call update_gap(G, step)

@@ -15,8 +15,8 @@
 !> Alart & Curnier (1991), A mixed formulation for frictional contact problems prone to Newton like solution
 !> methods; Acary, Bremond & Huber (2018), On solving contact problems with Coulomb friction, sections 5 and 8.
 module microslip_contact_newton
-   use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual, step_states, &
-      & point_stiffness
+   use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual, force_scale, &
+      & step_states, point_stiffness
    use microslip_contact_gauss_seidel, only: sweep_forces
    use microslip_contact_laws, only: project_on_disk, state_open, state_slip
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
@@ -108,7 +108,7 @@ contains
       !> of change to residual of the steps taken
       real(wp), intent(out) :: error_estimate
       type(force_step_t) :: best
-      real(wp) :: direction(size(step%force)), history(memory), current, previous, amplification
+      real(wp) :: direction(size(step%force)), history(memory), current, previous, amplification, scale
       logical :: singular
 
       call update_gap(G, step)
@@ -117,7 +117,8 @@ contains
       residual = huge(1.0_wp)
       previous = residual
       do steps = 0, max_steps
-         current = step_residual(step, stiffness)/max(maxval(step%force), tiny(1.0_wp))
+         scale = force_scale(step, stiffness)
+         current = step_residual(step, stiffness)/scale
          if (current < residual) then
             best = step
             residual = current
@@ -126,7 +127,7 @@ contains
          if (steps == max_steps) exit
          call newton_direction(G, stiffness, shift, step, direction, singular)
          if (singular) exit
-         amplification = max(amplification, maxval(abs(direction))/max(maxval(step%force), tiny(1.0_wp))/current)
+         amplification = max(amplification, maxval(abs(direction))/scale/current)
          call search_along(G, stiffness, direction, step, history)
          previous = current
       end do
