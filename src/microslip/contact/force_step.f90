@@ -6,7 +6,7 @@
 !> normal part is the change of the gap, and points that were open with a positive gap carry no force.
 module microslip_contact_force_step
    use microslip_contact_laws, only: classify, law_residual, state_open
-   use microslip_contact_problem, only: contact_problem_t, contact_state_t
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
@@ -58,8 +58,8 @@ contains
       end do
    end function begin_step
 
-   !> The solved step becomes the state.
-   pure subroutine end_step(problem, q, step, status, state)
+   !> The solved step becomes the state, and is booked in the record.
+   subroutine end_step(problem, q, step, status, state, record)
       type(contact_problem_t), intent(in) :: problem
       !> (drivers)
       real(wp), intent(in) :: q(:)
@@ -67,9 +67,12 @@ contains
       !> (points) contact states
       integer, intent(in) :: status(:)
       type(contact_state_t), intent(inout) :: state
+      type(solve_record_t), intent(inout) :: record
+      type(contact_state_t) :: before
       real(wp) :: gap(3)
       integer :: p
 
+      before = state
       state%q = q
       state%status = status
       state%force = reshape(step%force, [3, problem%n_points])
@@ -78,6 +81,7 @@ contains
          state%gap(2:3, p) = state%gap(2:3, p) + gap(2:3)
          state%gap(1, p) = gap(1) + merge(state%gap(1, p), 0.0_wp, problem%velocity_level)
       end do
+      call book_step(problem, before, state, record)
    end subroutine end_step
 
    !> gap = c + G force.

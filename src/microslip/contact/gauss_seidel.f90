@@ -71,7 +71,7 @@ contains
          record%converged = residual <= self%tolerance
          if (record%converged) exit
       end do
-      call end_step(problem, q, best, step_states(best, self%stiffness), state)
+      call end_step(problem, q, best, step_states(best, self%stiffness), state, record)
    end subroutine advance
 
    !> Sweep over all points until the residual is below the limit; `step%gap` fits `step%force` on return.

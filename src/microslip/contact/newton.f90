@@ -82,7 +82,7 @@ contains
          if (record%converged) exit
          record%rescues = record%rescues + 1
       end do
-      call end_step(problem, q, step, step_states(step, self%stiffness), state)
+      call end_step(problem, q, step, step_states(step, self%stiffness), state, record)
    end subroutine advance
 
    !> Newton steps until the residual is below the limit; the best iterate, the start among them, is returned.
