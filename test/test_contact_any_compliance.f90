@@ -165,7 +165,8 @@ contains
          a = new_state(problem)
          b = a
          do k = 1, 40
-            q = [min(1.0_wp, 0.2_wp*k) - merge(0.9_wp*sin(0.3_wp*k), 0.0_wp, k > 25), 0.6_wp*sin(0.45_wp*k), &
+            q = [min(1.0_wp, 0.2_wp*k) - merge(0.9_wp*sin(0.3_wp*k), 0.0_wp, k > 25), &
+               & 0.6_wp*sin(0.45_wp*k), &
                & 0.1_wp*sin(0.7_wp*k)]
             call condensed%advance(problem, q, a, record_a)
             call solver%advance(problem, q, b, record_b)
