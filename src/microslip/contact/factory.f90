@@ -1,6 +1,8 @@
 !> Contact solvers by name.
 module microslip_contact_factory
    use microslip_contact_condensed, only: condensed_solver_t
+   use microslip_contact_gauss_seidel, only: gauss_seidel_t
+   use microslip_contact_newton, only: newton_t
    use microslip_contact_plain_jacobi, only: plain_jacobi_t
    use microslip_contact_problem, only: contact_solver_t
    use microslip_core_error, only: error_t, bad_input
@@ -8,15 +10,20 @@ module microslip_contact_factory
    implicit none(type, external)
    private
 
-   public :: contact_options_t, new_contact_solver
+   public :: contact_options_t, new_contact_solver, contact_solver_names
+
+   !> Stick predictor with corrector; projected Jacobi of the paper, on all points and with the sticking points
+   !> eliminated; block Gauss-Seidel and semismooth Newton on the forces, which take any compliance.
+   character(len=*), parameter :: contact_solver_names(5) = [character(len=17) :: 'condensed', 'jacobi', &
+      & 'jacobi_eliminated', 'gauss_seidel', 'newton']
 
    !> What the user may choose about the contact.
    type :: contact_options_t
-      !> 'condensed', 'jacobi' (the paper's, all points) or 'jacobi_eliminated' (sticking points eliminated)
+      !> One of `contact_solver_names`
       character(len=:), allocatable :: solver
       !> Wanted relative accuracy of the contact forces
       real(wp) :: tolerance = 1.0e-10_wp
-      !> Of the projected Jacobi, per step
+      !> Of the projected Jacobi, Gauss-Seidel and Newton, per step
       integer :: max_iterations = 100000
       !> Normal law on velocity level, as in the paper, instead of gap level
       logical :: velocity_level = .false.
@@ -38,13 +45,29 @@ contains
          allocate (solver, source=condensed_solver_t(by_jacobi=.true.))
       case ('jacobi')
          allocate (plain_jacobi_t :: solver)
+      case ('gauss_seidel')
+         allocate (gauss_seidel_t :: solver)
+      case ('newton')
+         allocate (newton_t :: solver)
       case default
-         call bad_input(error, "no contact solver '"//options%solver// &
-            & "' (allowed: 'condensed', 'jacobi', 'jacobi_eliminated')")
+         call bad_input(error, "no contact solver '"//options%solver//"' (allowed: '"// &
+            & trim(contact_solver_names(1))//list_of(contact_solver_names(2:))//"')")
          return
       end select
       solver%tolerance = options%tolerance
       solver%max_iterations = options%max_iterations
    end subroutine new_contact_solver
+
+   !> ', name' for each name, quoted.
+   pure function list_of(names) result(text)
+      character(len=*), intent(in) :: names(:)
+      character(len=:), allocatable :: text
+      integer :: k
+
+      text = ''
+      do k = 1, size(names)
+         text = text//"', '"//trim(names(k))
+      end do
+   end function list_of
 
 end module microslip_contact_factory

@@ -1,13 +1,13 @@
 !> The reference solver: the projected Jacobi iteration on all points in potential contact.
 !> Slow by construction; the condensed solver is measured against it.
 module microslip_contact_plain_jacobi
-   use microslip_contact_laws, only: law_residual
-   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step
+   use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_linalg_dense, only: inverse_spd, product_symmetric
+   use microslip_linalg_dense, only: inverse_spd
    implicit none(type, external)
    private
 
@@ -55,48 +55,16 @@ contains
       real(wp), intent(in) :: q(:)
       type(contact_state_t), intent(inout) :: state
       type(solve_record_t), intent(out) :: record
-      real(wp), allocatable :: c(:), force(:), gap(:)
-      logical :: forced_open(problem%n_points)
-      integer :: p, k
-      type(contact_state_t) :: before
-      real(wp) :: scale
+      type(force_step_t) :: step
 
-      before = state
-      c = problem%r_0 + matmul(problem%R, q)
-      forced_open = .false.
-      do p = 1, problem%n_points
-         k = 3*p - 2
-         c(k + 1:k + 2) = c(k + 1:k + 2) - state%gap(2:3, p)
-         if (problem%velocity_level) then
-            ! Closed set by prediction (paper, before eq. (7)): open stays open while its gap is positive.
-            forced_open(p) = state%force(1, p) <= 0.0_wp .and. state%gap(1, p) > 0.0_wp
-            c(k) = c(k) - state%gap(1, p)
-         end if
-      end do
-      force = reshape(state%force, [3*problem%n_points])
-      call iterate_projected_jacobi(problem%G, c, self%eps, self%gamma, problem%friction, forced_open, 0.0_wp, &
-         & self%tolerance, self%max_iterations, force, record%iterations, record%error_estimate)
+      step = begin_step(problem, q, state)
+      call iterate_projected_jacobi(problem%G, step%c, self%eps, self%gamma, problem%friction, step%forced_open, 0.0_wp, &
+         & self%tolerance, self%max_iterations, step%force, record%iterations, record%error_estimate)
       record%converged = record%error_estimate <= self%tolerance
-      allocate (gap(size(c)))
-      call product_symmetric(problem%G, force, gap)
-      gap = gap + c
-
-      scale = max(maxval(force), tiny(1.0_wp))
-      state%force = reshape(force, [3, problem%n_points])
-      state%status = states_of_forces(state%force, problem%friction)
-      do p = 1, problem%n_points
-         k = 3*p - 2
-         if (.not. forced_open(p)) record%residual = max(record%residual, law_residual(force(k:k + 2), gap(k), &
-            & gap(k + 1:k + 2), self%eps(k), self%eps(k + 1), problem%friction(p))/scale)
-         state%gap(2:3, p) = state%gap(2:3, p) + gap(k + 1:k + 2)
-         if (problem%velocity_level) then
-            state%gap(1, p) = state%gap(1, p) + gap(k)
-         else
-            state%gap(1, p) = gap(k)
-         end if
-      end do
-      state%q = q
-      call book_step(problem, before, state, record)
+      call update_gap(problem%G, step)
+      record%residual = step_residual(step, self%eps(1::3))/max(maxval(step%force), tiny(1.0_wp))
+      call end_step(problem, q, step, states_of_forces(reshape(step%force, [3, problem%n_points]), problem%friction), &
+         & state, record)
    end subroutine advance
 
 end module microslip_contact_plain_jacobi

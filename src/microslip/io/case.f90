@@ -106,7 +106,7 @@ module microslip_io_case
 
    !> `&contact`: solver of the contact problem.
    type :: contact_case_t
-      !> 'condensed', 'jacobi' or 'jacobi_eliminated'
+      !> One of the contact solvers of the factory
       character(len=name_length) :: solver = 'condensed'
       real(wp) :: tolerance = 1.0e-10_wp
       integer :: max_iterations = 100000

@@ -1,5 +1,6 @@
 !> Keys of `&case`, `&model`, `&reduction`, `&damping` and `&contact` (doc/namelists.md).
 module microslip_io_case_model
+   use microslip_contact_factory, only: contact_solver_names
    use microslip_core_kinds, only: wp
    use microslip_io_case, only: case_t, model_case_t, reduction_case_t, damping_case_t, contact_case_t, name_length
    use microslip_io_group_keys, only: group_keys_t
@@ -102,7 +103,7 @@ contains
       !> Its record
       type(contact_case_t), intent(inout) :: record
 
-      call keys%name_key('solver', record%solver, [character(len=name_length) :: 'condensed', 'jacobi', 'jacobi_eliminated'])
+      call keys%name_key('solver', record%solver, contact_solver_names)
       call keys%real_key('tolerance', record%tolerance, between(0.0_wp, 1.0_wp))
       call keys%integer_key('max_iterations', record%max_iterations, at_least(1))
       call keys%name_key('normal_law', record%normal_law, [character(len=name_length) :: 'gap', 'velocity'])
