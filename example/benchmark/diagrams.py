@@ -1,0 +1,172 @@
+"""The pictures of the report: run time against error, scaling, threads, convolution."""
+import os
+import sys
+
+import matplotlib
+import numpy as np
+
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "postprocess"))
+from plot_case import COLOURS, STYLE  # noqa: E402  (it chooses matplotlib's back end)
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+from tables import BY_NAME, empty, label_of  # noqa: E402
+
+ROUNDING = 1e-16  # errors below are drawn here
+MEASURES = ["sensor_l2", "force_l2", "friction_loss_error"]
+MARKERS = "osD^vP"
+NEAR = 0.04       # points of a curve nearer than this part of the axes share their label
+matplotlib.rcParams.update({**STYLE, "lines.markersize": 5, "lines.linewidth": 1.2})
+
+
+def draw(study, rows, path):
+    """Draw a study's picture; False if it has no two points to draw."""
+    rows = [row for row in rows if not row["failure"]]
+    if len(rows) < 2:
+        return False
+    figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")
+    {"precision": precision, "scaling": scaling, "threads": threads}[study.diagram](axes, study, rows)
+    figure.suptitle(study.title, x=0.01, ha="left", fontsize=11)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return True
+
+
+def curves(rows):
+    """{curve: its rows}"""
+    names = dict.fromkeys(row["curve"] for row in rows)
+    return {name: [row for row in rows if row["curve"] == name] for name in names}
+
+
+def series_of(rows):
+    """[(name, rows, error)]: the error measures of one curve, or one error measure of several curves."""
+    parts = curves(rows)
+    if len(parts) == 1:
+        return [(label_of(measure).replace(", L2 error", "").replace(", error", ""), rows, measure) for measure in MEASURES
+                if any(not empty(row.get(measure)) for row in rows)]
+    return [(name, part, "force_l2") for name, part in parts.items()]
+
+
+def styles():
+    """Colour, marker and line style, different for every one of many curves."""
+    k = 0
+    while True:
+        yield {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)],
+               "linestyle": ["-", "--", ":"][k // len(COLOURS) % 3]}
+        k += 1
+
+
+def precision(axes, study, rows):
+    """Left: error over what is varied. Right: run time against error, every point with its label."""
+    series = series_of(rows)
+    for (name, part, measure), style in zip(series, styles()):
+        error = drawn([row.get(measure, np.nan) for row in part])
+        axes[0].loglog([row[study.parameter] for row in part], error, label=name, **style)
+        axes[1].loglog(error, [row["s_per_ms"] for row in part], label=name, **style)
+    several = len(curves(rows)) > 1
+    error = "relative error of the contact tractions (L2)" if several else "relative error (L2)"
+    axes[0].set(xlabel=label_of(study.parameter), ylabel=error, title="error")
+    axes[1].set(xlabel=error, ylabel=label_of("s_per_ms"), title="run time against error")
+    room(axes[1])
+    if study.name == "time_step":
+        slope(axes[0], -1, 2, "2nd order")
+    # The labels go with every curve, or with one where all curves share their run times.
+    for (name, part, measure), style in list(zip(series, styles()))[:None if several else 1]:
+        points = list(zip(drawn([row.get(measure, np.nan) for row in part]), [row["s_per_ms"] for row in part]))
+        name_points(axes[1], points, [row["label"] for row in part], style["color"])
+    legend(axes[0], several)
+
+
+def scaling(axes, study, rows):
+    """Time per step, set-up and memory over the number of contact points."""
+    for (name, part), style in zip(curves(rows).items(), styles()):
+        part = sorted(part, key=lambda row: row["contact_points"])
+        points = [row["contact_points"] for row in part]
+        axes[0].loglog(points, [row["ms_per_step"] for row in part], label=name, **style)
+        axes[1].loglog(points, [row["setup"] for row in part], label=f"{name}: set-up, s", **style)
+        axes[1].loglog(points, [row["memory"] * 1e-3 for row in part], label=f"{name}: memory, GB",
+                       **{**style, "linestyle": ":", "markerfacecolor": "none"})
+        name_points(axes[0], list(zip(points, [row["ms_per_step"] for row in part])), [row["label"] for row in part],
+                    style["color"])
+    axes[0].set(xlabel=label_of("contact_points"), ylabel=label_of("ms_per_step"), title="a slipping step")
+    axes[1].set(xlabel=label_of("contact_points"), ylabel="s, GB", title="before the first step")
+    room(axes[0])
+    slope(axes[0], 0, 1, "N")
+    slope(axes[0], 0, 2, "N²", "--")
+    legend(axes[0], True)
+    legend(axes[1], True)
+
+
+def threads(axes, study, rows):
+    """Times over the number of threads; right: how many times faster than with the fewest."""
+    for (name, part), style in zip(curves(rows).items(), styles()):
+        part = sorted(part, key=lambda row: row["threads"])
+        number = [row["threads"] for row in part]
+        axes[0].semilogy(number, [row["ms_per_step"] for row in part], label=name, **style)
+        axes[1].plot(number, [part[0]["ms_per_step"] / row["ms_per_step"] for row in part], label=name, **style)
+    numbers = sorted({row["threads"] for row in rows})
+    axes[1].plot(numbers, [n / numbers[0] for n in numbers], color="grey", linewidth=0.8, label="ideal")
+    axes[0].set(xlabel="threads", ylabel=label_of("ms_per_step"), title="time per step")
+    axes[1].set(xlabel="threads", ylabel="times faster", title=f"against {numbers[0]} thread", ylim=(0, None))
+    for ax in axes:
+        ax.set_xticks(numbers)
+        ax.margins(x=0.15)
+    legend(axes[0], True)
+
+
+def convolution(rows, path):
+    """Time of products by FFT over the number of cells, with a N log N through them; returns its factor, s."""
+    n, seconds = (np.array([float(row[name]) for row in rows]) for name in ("cells", "seconds"))
+    factor = float(np.exp(np.mean(np.log(seconds / (n * np.log2(n))))))
+    figure, ax = plt.subplots(figsize=(5.6, 4.2), layout="constrained")
+    ax.loglog(n, 1e3 * seconds, "o", color=COLOURS[0], label="measured")
+    fine = np.geomspace(n.min(), n.max(), 100)
+    ax.loglog(fine, 1e3 * factor * fine * np.log2(fine), color="grey", label=f"{1e9 * factor:.3g} ns · N log₂ N")
+    ax.set(xlabel="cells N", ylabel="one product, ms")
+    ax.set_title("Product with the half-space compliance by FFT", loc="left")
+    legend(ax, True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return factor
+
+
+# ------------------------------------------------------------------------------------------------------------- helpers
+
+def drawn(errors):
+    """Errors for a logarithmic axis."""
+    return np.maximum(np.asarray(errors, dtype=float), ROUNDING)
+
+
+def room(ax):
+    """Space round the points for their labels."""
+    ax.margins(x=0.14, y=0.12)
+    low, high = np.log10(ax.get_xlim()), np.log10(ax.get_ylim())
+    for limits, setter in ((low, ax.set_xlim), (high, ax.set_ylim)):
+        middle, half = limits.mean(), max(0.5 * np.ptp(limits), 0.35)
+        setter(10 ** (middle - half), 10 ** (middle + half))
+
+
+def name_points(ax, points, names, colour):
+    """Write its name at every point; points that lie together share one text."""
+    at = ax.transData.transform(np.array(points)) / (np.array(ax.bbox.size))
+    k = 0
+    while k < len(points):
+        last = k
+        while last + 1 < len(points) and np.hypot(*(at[last + 1] - at[k])) < NEAR:
+            last += 1
+        text = names[k] if last == k else f"{names[k]} … {names[last]}"
+        ax.annotate(text, points[k], xytext=(4, 4), textcoords="offset points", fontsize=7.5, color=colour)
+        k = last + 1
+
+
+def slope(ax, point, power, text, style="-"):
+    """A line of a power through a point of the first curve."""
+    line = ax.lines[0]
+    x, y = np.array(line.get_xdata(), dtype=float), np.array(line.get_ydata(), dtype=float)
+    limits = ax.get_ylim()
+    ax.plot(x, y[point] * (x / x[point]) ** power, color="grey", linewidth=0.8, linestyle=style, label=text)
+    ax.set_ylim(limits)
+
+
+def legend(ax, small):
+    ax.legend(fontsize=7 if small else 8, frameon=True, framealpha=0.85, edgecolor="none", loc="best")

@@ -1,0 +1,87 @@
+"""The report: what machine and program, every study's table and picture."""
+import csv
+import os
+import platform
+import re
+import subprocess
+
+import h5py
+
+from tables import markdown
+
+
+def environment(program, results):
+    """[(what, value)] of the machine and the program; `results` is any result file."""
+    with open("/proc/cpuinfo") as file:
+        model = re.search(r"model name\s*:\s*(.*)", file.read())
+    rows = [("processor", model.group(1) if model else platform.machine()),
+            ("cores", str(os.cpu_count())),
+            ("memory", f"{os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') / 2**30:.0f} GiB"),
+            ("system", f"{system_name()}, Linux {platform.release()}"),
+            ("BLAS", blas(program))]
+    if results:
+        with h5py.File(results, "r") as file:
+            rows += [(name, text(file.attrs[name])) for name in ("version", "commit") if name in file.attrs]
+            rows.append(("compiler", compiler(text(file.attrs["compiler"]))))
+    return rows
+
+
+def compiler(words):
+    """Its version and options, each once, without folders and what -march=native stands for."""
+    kept = [word for word in dict.fromkeys(words.split()) if not re.match(r"-I|-J|\.|build/|--param|-m(?!arch)|-fpre-include", word)]
+    return " ".join(kept)
+
+
+def system_name():
+    try:
+        return platform.freedesktop_os_release()["PRETTY_NAME"]
+    except OSError:
+        return platform.system()
+
+
+def blas(program):
+    """Name of the BLAS that the program loads."""
+    libraries = subprocess.run(["ldd", program], capture_output=True, text=True).stdout
+    found = re.search(r"=> (\S*(?:blas|mkl)\S*)", libraries)
+    core = os.environ.get("OPENBLAS_CORETYPE")
+    return (os.path.basename(os.path.realpath(found.group(1))) if found else "unknown") + (f", OPENBLAS_CORETYPE={core}" if core else "")
+
+
+def text(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def write_report(path, kind, surroundings, tables, pictures, convolution, load, seconds):
+    """`tables`: [(study, rows)]; `pictures`: {study name: file}; `convolution`: (rows, factor) or None."""
+    lines = [f"# Benchmark, {kind} version", "",
+             "Run time against error. What is measured and how errors are defined: doc/benchmark.md. Errors are relative to the "
+             "reference of each study. One thread unless said otherwise. All tables with all columns: `tables/*.csv`, and "
+             "together `benchmark.h5`.", "",
+             "| | |", "| --- | --- |", *[f"| {name} | {value} |" for name, value in surroundings],
+             f"| load average | {load[0]:.2f} at the start, {load[1]:.2f} at the end (one process of ours at a time) |",
+             f"| this report took | {seconds / 60:.1f} min |", ""]
+    for study, rows in tables:
+        lines += [f"## {study.title}", "", study.text, ""]
+        if study.name in pictures:
+            lines += [f"![{study.title}]({pictures[study.name]})", ""]
+        lines += [markdown(study, rows), ""]
+        lines += [f"Not run: {what}" for what in study.missing] + ([""] if study.missing else [])
+    lines += convolution_section(convolution)
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("\n".join(lines).rstrip() + "\n")
+
+
+def convolution_section(convolution):
+    if convolution is None:
+        return []
+    rows, factor = convolution
+    names = list(rows[0])
+    return ["## Product by FFT", "",
+            f"One product of the half-space compliance with forces on a grid of N cells: {1e9 * factor:.3g} ns x N log2 N.", "",
+            "![Product by FFT](pictures/convolution.png)", "", "| " + " | ".join(names) + " |", "| --- " * len(names) + "|",
+            *["| " + " | ".join(row[name] for name in names) + " |" for row in rows], ""]
+
+
+def read_csv(path):
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))

@@ -1,0 +1,140 @@
+"""Runs the program on a case, one run after another, and measures it."""
+import os
+import resource
+import statistics
+import subprocess
+import threading
+from dataclasses import dataclass, field, replace
+
+import h5py
+
+PATIENCE = 1.0  # s: runs shorter than this are repeated
+REPEATS = 3
+START = 20.0    # s: a time integration that takes longer than this hides the start of its solver
+
+
+@dataclass
+class Run:
+    """What came of a case. `failure` is empty if it ran to its end."""
+    case: object
+    result: str                                  # result file
+    failure: str = ""
+    seconds: dict = field(default_factory=dict)  # by stage of the program; medians over the repeats
+    start: float = 0.0                           # s of the time integration before its first step, if it was measured
+    repeats: int = 1
+    memory: float = float("nan")                 # bytes, the most it held
+    others: float = float("nan")                 # cores that other processes used meanwhile, mean
+
+    def setup_seconds(self):
+        """Contact matrices and preload, without reading and reduction."""
+        return self.seconds["contact matrices"] + self.seconds["preload"]
+
+
+class Runner:
+    """Keeps what was run: studies share runs of the same case."""
+
+    def __init__(self, program, folder, time_limit):
+        self.program, self.folder, self.time_limit = os.path.abspath(program), os.path.abspath(folder), time_limit
+        self.known, self.starts = {}, {}
+        os.makedirs(self.folder, exist_ok=True)
+
+    def run(self, case, repeat=True, start=False):
+        """Run a case, several times if it is short. `start`: also measure the solver's start, by a run of one step."""
+        run = self.known.get(case)
+        if run is None:
+            run = self.known[case] = self.measure(case, repeat)
+        if start and not run.failure and not run.start and run.seconds["transient"] < START:
+            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)), repeat)
+            run.start = max(one.seconds["transient"] - run.seconds["transient"] / case.steps(), 0.0) if not one.failure else 0.0
+        return run
+
+    def measure(self, case, repeat):
+        path = os.path.join(self.folder, f"run_{len(self.known):03d}.nml")
+        runs = [self.once(case, path)]
+        while repeat and not runs[-1].failure and len(runs) < REPEATS and sum(runs[0].seconds.values()) < PATIENCE:
+            runs.append(self.once(case, path))
+        last = runs[-1]
+        if not last.failure:
+            last.seconds = {stage: statistics.median(run.seconds[stage] for run in runs) for stage in last.seconds}
+            last.repeats = len(runs)
+            last.others = max(run.others for run in runs)
+        return last
+
+    def once(self, case, path):
+        model = os.path.splitext(os.path.basename(case.model))[0]
+        with open(path, "w") as file:
+            file.write(case.text(os.path.join(self.folder, f"{model}_{case.n_modes}.cache")))
+        run = Run(case, path[:-4] + ".h5")
+        log = path[:-4] + ".log"
+        clock = Processors()
+        status, killed, usage = self.execute([self.program, "--output", run.result, path], log, case.threads)
+        run.others = clock.others(usage)
+        run.memory = 1024.0 * usage.ru_maxrss
+        if killed:
+            run.failure = f"stopped after {self.time_limit:.0f} s{steps_done(run.result, case)}"
+        elif status != 0:
+            run.failure = f"exit status {status}: {last_words(log)}"
+        else:
+            with h5py.File(run.result, "r") as file:
+                run.seconds = dict(zip(file["timing/stage"].asstr()[()], map(float, file["timing/seconds"][()])))
+        return run
+
+    def execute(self, command, log, threads):
+        """Exit status, whether the time limit ended it, and the process's use of the machine."""
+        environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
+        with open(log, "w") as output:
+            process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, env=environment,
+                                       preexec_fn=limit_memory)
+        late = threading.Event()
+        timer = threading.Timer(self.time_limit, lambda: (late.set(), process.kill()))
+        timer.start()
+        try:
+            _, status, usage = os.wait4(process.pid, 0)
+        finally:
+            timer.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return process.returncode, late.is_set(), usage
+
+
+class Processors:
+    """How busy the machine was with other work since this was made."""
+
+    def __init__(self):
+        self.busy, self.all = self.read()
+
+    @staticmethod
+    def read():
+        """Busy and all seconds of one processor, mean over them."""
+        with open("/proc/stat") as file:
+            ticks = [int(word) for word in file.readline().split()[1:9]]
+        return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
+
+    def others(self, usage):
+        """Cores used by others than the process with this usage."""
+        busy, everything = self.read()
+        elapsed = (everything - self.all) / os.cpu_count()
+        own = (usage.ru_utime + usage.ru_stime) * os.sysconf("SC_CLK_TCK")
+        return max(busy - self.busy - own, 0.0) / max(elapsed, 1.0)
+
+
+def limit_memory():
+    """What does not fit must fail, not swap."""
+    most = int(0.9 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def last_words(log):
+    """The last line that is no progress, for the table."""
+    with open(log, errors="replace") as file:
+        lines = [line.strip() for line in file.read().replace("\r", "\n").splitlines() if line.strip()]
+    lines = [line for line in lines if not line.startswith(("transient ", "wall time"))]
+    return lines[-1][:200] if lines else "no message"
+
+
+def steps_done(result, case):
+    """What an interrupted run had reached."""
+    try:
+        with h5py.File(result, "r", locking=False) as file:
+            return f", {max(len(file['transient/time']) - 1, 0)} of {case.steps()} steps in its file"
+    except (OSError, KeyError):
+        return ", before the first step"
