@@ -21,7 +21,7 @@ matplotlib.rcParams.update({**STYLE, "lines.markersize": 5, "lines.linewidth": 1
 
 def draw(study, rows, path):
     """Draw a study's picture; False if it has no two points to draw."""
-    rows = [row for row in rows if not row["failure"]]
+    rows = [row for row in rows if not row["failure"] and not empty(row["ms_per_step"])]
     if len(rows) < 2:
         return False
     figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")
@@ -47,19 +47,20 @@ def series_of(rows):
     return [(name, part, "force_l2") for name, part in parts.items()]
 
 
-def styles():
-    """Colour, marker and line style, different for every one of many curves."""
-    k = 0
-    while True:
-        yield {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)],
-               "linestyle": ["-", "--", ":"][k // len(COLOURS) % 3]}
-        k += 1
+def styles(names):
+    """One style per curve: a colour for what stands before the comma in its name, marker and line for what follows."""
+    heads, tails = ([list(dict.fromkeys(parts)) for parts in zip(*(name.partition(", ")[::2] for name in names))])
+    for head, tail in (name.partition(", ")[::2] for name in names):
+        colour, line = heads.index(head), tails.index(tail)
+        marker = line if len(tails) > 1 else colour
+        yield {"color": COLOURS[colour % len(COLOURS)], "marker": MARKERS[marker % len(MARKERS)],
+               "linestyle": ["-", "--", ":"][line % 3]}
 
 
 def precision(axes, study, rows):
     """Left: error over what is varied. Right: run time against error, every point with its label."""
-    series = series_of(rows)
-    for (name, part, measure), style in zip(series, styles()):
+    series = [(*item, style) for item, style in zip(series_of(rows), styles([name for name, _, _ in series_of(rows)]))]
+    for name, part, measure, style in series:
         error = drawn([row.get(measure, np.nan) for row in part])
         axes[0].loglog([row[study.parameter] for row in part], error, label=name, **style)
         axes[1].loglog(error, [row["s_per_ms"] for row in part], label=name, **style)
@@ -71,15 +72,17 @@ def precision(axes, study, rows):
     if study.name == "time_step":
         slope(axes[0], -1, 2, "2nd order")
     # The labels go with every curve, or with one where all curves share their run times.
-    for (name, part, measure), style in list(zip(series, styles()))[:None if several else 1]:
+    for _, part, measure, style in series if several else series[:1]:
         points = list(zip(drawn([row.get(measure, np.nan) for row in part]), [row["s_per_ms"] for row in part]))
         name_points(axes[1], points, [row["label"] for row in part], style["color"])
-    legend(axes[0], several)
+        name_ticks(axes[0], study, part)
+    for ax in axes:
+        legend(ax, several)
 
 
 def scaling(axes, study, rows):
     """Time per step, set-up and memory over the number of contact points."""
-    for (name, part), style in zip(curves(rows).items(), styles()):
+    for (name, part), style in zip(curves(rows).items(), styles(curves(rows))):
         part = sorted(part, key=lambda row: row["contact_points"])
         points = [row["contact_points"] for row in part]
         axes[0].loglog(points, [row["ms_per_step"] for row in part], label=name, **style)
@@ -99,7 +102,7 @@ def scaling(axes, study, rows):
 
 def threads(axes, study, rows):
     """Times over the number of threads; right: how many times faster than with the fewest."""
-    for (name, part), style in zip(curves(rows).items(), styles()):
+    for (name, part), style in zip(curves(rows).items(), styles(curves(rows))):
         part = sorted(part, key=lambda row: row["threads"])
         number = [row["threads"] for row in part]
         axes[0].semilogy(number, [row["ms_per_step"] for row in part], label=name, **style)
@@ -144,6 +147,13 @@ def room(ax):
     for limits, setter in ((low, ax.set_xlim), (high, ax.set_ylim)):
         middle, half = limits.mean(), max(0.5 * np.ptp(limits), 0.35)
         setter(10 ** (middle - half), 10 ** (middle + half))
+
+
+def name_ticks(ax, study, rows):
+    """The variations' own names on the axis of what is varied."""
+    if study.parameter != "tolerance":
+        ax.set_xticks([row[study.parameter] for row in rows], [row["label"] for row in rows])
+        ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
 
 
 def name_points(ax, points, names, colour):

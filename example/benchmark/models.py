@@ -51,4 +51,4 @@ def conversion_case(base):
 def call(command):
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode != 0:
-        raise RuntimeError(f"{os.path.basename(command[1])}: {done.stdout.strip().splitlines()[-1:] or 'failed'}")
+        raise RuntimeError((done.stdout.strip().splitlines() or [f"{command[0]} failed"])[-1])

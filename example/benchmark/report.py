@@ -51,23 +51,26 @@ def text(value):
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def write_report(path, kind, surroundings, tables, pictures, convolution, load, seconds):
-    """`tables`: [(study, rows)]; `pictures`: {study name: file}; `convolution`: (rows, factor) or None."""
+def picture(study):
+    """Where the study's picture lies, from the report."""
+    return f"pictures/{study.name}.png"
+
+
+def write_report(folder, kind, surroundings, tables, convolution):
+    """`tables`: [(study, rows)]; `convolution`: (rows, factor) or None."""
     lines = [f"# Benchmark, {kind} version", "",
              "Run time against error. What is measured and how errors are defined: doc/benchmark.md. Errors are relative to the "
              "reference of each study. One thread unless said otherwise. All tables with all columns: `tables/*.csv`, and "
              "together `benchmark.h5`.", "",
-             "| | |", "| --- | --- |", *[f"| {name} | {value} |" for name, value in surroundings],
-             f"| load average | {load[0]:.2f} at the start, {load[1]:.2f} at the end (one process of ours at a time) |",
-             f"| this report took | {seconds / 60:.1f} min |", ""]
+             "| | |", "| --- | --- |", *[f"| {name} | {value} |" for name, value in surroundings], ""]
     for study, rows in tables:
         lines += [f"## {study.title}", "", study.text, ""]
-        if study.name in pictures:
-            lines += [f"![{study.title}]({pictures[study.name]})", ""]
+        if os.path.exists(os.path.join(folder, picture(study))):
+            lines += [f"![{study.title}]({picture(study)})", ""]
         lines += [markdown(study, rows), ""]
         lines += [f"Not run: {what}" for what in study.missing] + ([""] if study.missing else [])
     lines += convolution_section(convolution)
-    with open(path, "w", encoding="utf-8") as file:
+    with open(os.path.join(folder, "report.md"), "w", encoding="utf-8") as file:
         file.write("\n".join(lines).rstrip() + "\n")
 
 
@@ -82,6 +85,9 @@ def convolution_section(convolution):
             *["| " + " | ".join(row[name] for name in names) + " |" for row in rows], ""]
 
 
-def read_csv(path):
+def convolution_table(program, path):
+    """Run the example that measures the products, keep its CSV, return its rows."""
+    with open(path, "w", encoding="utf-8") as file:
+        subprocess.run([program], stdout=file, check=True)
     with open(path, newline="", encoding="utf-8") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))

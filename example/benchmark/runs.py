@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import h5py
 
-PATIENCE = 1.0  # s: runs shorter than this are repeated
-REPEATS = 3
+PATIENCE = 1.0  # s: runs are repeated until they took this together, or REPEATS times
+REPEATS = 5
 START = 20.0    # s: a time integration that takes longer than this hides the start of its solver
 
 
@@ -35,23 +35,26 @@ class Runner:
 
     def __init__(self, program, folder, time_limit):
         self.program, self.folder, self.time_limit = os.path.abspath(program), os.path.abspath(folder), time_limit
-        self.known, self.starts = {}, {}
+        self.known = {}
         os.makedirs(self.folder, exist_ok=True)
 
-    def run(self, case, repeat=True, start=False):
-        """Run a case, several times if it is short. `start`: also measure the solver's start, by a run of one step."""
+    def run(self, case, start=False):
+        """Run a case, several times if it is short. `start`: tell the start of the time integration from its steps, by a
+        run of one step."""
         run = self.known.get(case)
         if run is None:
-            run = self.known[case] = self.measure(case, repeat)
+            run = self.known[case] = self.measure(case)
         if start and not run.failure and not run.start and run.seconds["transient"] < START:
-            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)), repeat)
-            run.start = max(one.seconds["transient"] - run.seconds["transient"] / case.steps(), 0.0) if not one.failure else 0.0
+            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)))
+            if not one.failure:
+                n = case.steps()
+                run.start = max((n * one.seconds["transient"] - run.seconds["transient"]) / (n - 1), 0.0)
         return run
 
-    def measure(self, case, repeat):
+    def measure(self, case):
         path = os.path.join(self.folder, f"run_{len(self.known):03d}.nml")
         runs = [self.once(case, path)]
-        while repeat and not runs[-1].failure and len(runs) < REPEATS and sum(runs[0].seconds.values()) < PATIENCE:
+        while not runs[-1].failure and len(runs) < REPEATS and sum(sum(run.seconds.values()) for run in runs) < PATIENCE:
             runs.append(self.once(case, path))
         last = runs[-1]
         if not last.failure:
@@ -66,6 +69,8 @@ class Runner:
             file.write(case.text(os.path.join(self.folder, f"{model}_{case.n_modes}.cache")))
         run = Run(case, path[:-4] + ".h5")
         log = path[:-4] + ".log"
+        if os.path.exists(run.result):
+            os.remove(run.result)
         clock = Processors()
         status, killed, usage = self.execute([self.program, "--output", run.result, path], log, case.threads)
         run.others = clock.others(usage)
