@@ -103,8 +103,10 @@ def compare(result, reference, pulse):
     sensor = history_error(result.time, result.sensor, reference.time, reference.sensor)
     force = traction_error(result.tractions, reference.tractions)
     frequency, damping = ring_down(result.time, result.sensor, result.energy, pulse)
+    right_frequency, right_damping = ring_down(reference.time, reference.sensor, reference.energy, pulse)
     loss = reference.friction_loss
     return {"sensor_l2": sensor[0], "sensor_max": sensor[1], "force_l2": force[0], "force_max": force[1],
             "friction_loss_error": abs(result.friction_loss - loss) / abs(loss) if loss else np.nan,
             "linear_frequency_error": abs(result.frequency[0] / reference.frequency[0] - 1.0),
-            "frequency": frequency, "damping": damping}
+            "frequency": frequency, "damping": damping,
+            "frequency_error": abs(frequency / right_frequency - 1.0), "damping_error": abs(damping / right_damping - 1.0)}

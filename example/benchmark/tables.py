@@ -8,7 +8,7 @@ import numpy as np
 from errors import compare, read_result
 
 Column = namedtuple("Column", "name unit form meaning")
-# In the tables of the report only those of SHOWN and the parameter; everything in the files.
+# In the tables of the report only those of SHOWN; everything in the files.
 COLUMNS = [Column(*column) for column in [
     ("label", "", "", "variation"),
     ("curve", "", "", "solver and scene"),
@@ -28,7 +28,7 @@ COLUMNS = [Column(*column) for column in [
     ("s_per_ms", "s/ms", ".4g", "wall time per simulated ms"),
     ("times_faster", "1", ".4g", "times faster than the plain solver that is not more accurate"),
     ("transient", "s", ".4g", "wall time of the time integration with its start"),
-    ("start", "s", ".3g", "start of the solver, taken off the time of the steps (0: not taken off)"),
+    ("start", "s", ".3g", "start of the time integration, taken off the time of the steps"),
     ("setup", "s", ".3g", "wall time of contact matrices and preload"),
     ("memory", "MB", ".0f", "memory, the most"),
     ("sensor_l2", "1", ".1e", "sensor history, L2 error"),
@@ -39,6 +39,8 @@ COLUMNS = [Column(*column) for column in [
     ("linear_frequency_error", "1", ".1e", "first linear frequency, error"),
     ("frequency", "Hz", ".5g", "frequency of the ring-down"),
     ("damping", "1", ".4g", "damping ratio of the ring-down"),
+    ("frequency_error", "1", ".1e", "frequency of the ring-down, error"),
+    ("damping_error", "1", ".1e", "damping ratio of the ring-down, error"),
     ("largest_balance_error", "1", ".1e", "energy balance error over the largest kinetic energy"),
     ("largest_residual", "1", ".1e", "largest violation of the contact laws"),
     ("unconverged_steps", "1", "d", "steps that did not converge"),
@@ -48,16 +50,16 @@ COLUMNS = [Column(*column) for column in [
     ("failure", "", "", "why there is no result"),
 ]]
 BY_NAME = {column.name: column for column in COLUMNS}
-SHOWN = ["iterations_per_step", "ms_per_step", "s_per_ms", "times_faster", "start", "setup", "memory", "sensor_l2",
+SHOWN = ["label", "curve", "fe_coordinates", "contact_points", "iterations_per_step", "ms_per_step", "s_per_ms", "times_faster", "start", "setup", "memory", "sensor_l2",
          "sensor_max", "force_l2", "force_max", "friction_loss_error", "linear_frequency_error", "frequency", "damping",
-         "largest_balance_error", "unconverged_steps", "others"]
+         "damping_error", "largest_balance_error", "unconverged_steps", "others"]
 HEADINGS = {"iterations_per_step": "iterations / step", "ms_per_step": "ms / step", "s_per_ms": "s / simulated ms",
             "times_faster": "times faster", "start": "start, s", "setup": "set-up, s", "memory": "memory, MB",
             "sensor_l2": "sensor L2", "sensor_max": "sensor max", "force_l2": "force L2", "force_max": "force max",
             "friction_loss_error": "friction loss", "linear_frequency_error": "linear f1", "frequency": "f, Hz",
-            "damping": "damping ratio", "largest_balance_error": "energy balance", "unconverged_steps": "not converged",
-            "others": "others, cores", "contact_points": "contact points", "grid_points": "grid points",
-            "fe_coordinates": "FE coordinates", "time_step": "time step, s"}
+            "damping": "damping ratio", "damping_error": "its error", "largest_balance_error": "energy balance", "unconverged_steps": "not converged",
+            "others": "others, cores", "curve": "solver, scene", "contact_points": "contact points",
+            "fe_coordinates": "FE coordinates"}
 
 
 def label_of(name):
@@ -78,7 +80,7 @@ def row_of(variation, run, reference):
     stepping = run.seconds["transient"] - run.start
     if stepping <= 0.0:  # lost in the noise of a busy machine
         stepping = float("nan")
-    row.update(result.facts, transient=run.seconds["transient"], start=run.start, setup=run.setup_seconds(), repeats=run.repeats,
+    row.update(result.facts, transient=run.seconds["transient"], start=run.start or float("nan"), setup=run.setup_seconds(), repeats=run.repeats,
                iterations_per_step=result.facts["iterations"] / result.facts["steps"],
                ms_per_step=1e3 * stepping / result.facts["steps"], s_per_ms=1e-3 * stepping / case.duration)
     if reference is not None:
@@ -125,11 +127,11 @@ def write_hdf5(path, tables, attributes):
 
 def markdown(study, rows):
     """The table of the report: columns without any number are left out."""
-    names = ["label", "curve", study.parameter, *(["contact_points"] if study.parameter != "contact_points" else []), *SHOWN]
-    names = [name for name in names if any(not empty(row.get(name)) for row in rows)]
-    if len({row["curve"] for row in rows}) == 1:
-        names.remove("curve")
-    lines = ["| " + " | ".join(HEADINGS.get(name, name) for name in names) + " |", "| --- " * len(names) + "|"]
+    names = [name for name in SHOWN if any(not empty(row.get(name)) for row in rows)]
+    # What is the same in all rows is not shown, but for the number of contact points.
+    names = [name for name in names if name not in ("curve", "fe_coordinates") or len({row.get(name) for row in rows}) > 1]
+    headings = {**HEADINGS, "label": BY_NAME[study.parameter].meaning}
+    lines = ["| " + " | ".join(headings.get(name, name) for name in names) + " |", "| --- " * len(names) + "|"]
     lines += ["| " + " | ".join(shown(row, name) for name in names) + " |" for row in rows]
     return "\n".join(lines)
 
