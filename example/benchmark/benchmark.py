@@ -68,7 +68,7 @@ def line(row):
 
 
 def measure_convolution(options):
-    """(table, factor of N log N in s) of the products by FFT, with its picture; None without the program that measures them."""
+    """(table, factors of N log N in s) of the products by FFT, with its picture; None without the program that measures them."""
     if not options.convolution:
         return None
     rows = report.convolution_table(options.convolution, os.path.join(options.output, "tables", "convolution.csv"))
@@ -84,7 +84,7 @@ def publish(options, done, convolution, runner, load, seconds):
     surroundings = report.environment(options.program, ran[0] if ran else None)
     surroundings += [("load average", f"{load:.2f} at the start, {os.getloadavg()[0]:.2f} at the end, the benchmark's own included"),
                      ("duration of all this", f"{seconds / 60:.1f} min")]
-    tables.write_hdf5(os.path.join(options.output, "benchmark.h5"), done, dict(surroundings))
+    tables.write_hdf5(os.path.join(options.output, "benchmark.h5"), done, convolution, dict(surroundings))
     report.write_report(options.output, "short" if options.short else "full", surroundings, done, convolution)
 
 

@@ -94,8 +94,8 @@ def scaling(axes, study, rows):
     axes[0].set(xlabel=label_of("contact_points"), ylabel=label_of("ms_per_step"), title="a slipping step")
     axes[1].set(xlabel=label_of("contact_points"), ylabel="s, GB", title="before the first step")
     room(axes[0])
-    slope(axes[0], 0, 1, "N")
-    slope(axes[0], 0, 2, "N²", "--")
+    slope(axes[0], -1, 1, "N")
+    slope(axes[0], -1, 2, "N²", "--")
     legend(axes[0], True)
     legend(axes[1], True)
 
@@ -118,19 +118,25 @@ def threads(axes, study, rows):
 
 
 def convolution(rows, path):
-    """Time of products by FFT over the number of cells, with a N log N through them; returns its factor, s."""
-    n, seconds = (np.array([float(row[name]) for row in rows]) for name in ("cells", "seconds"))
-    factor = float(np.exp(np.mean(np.log(seconds / (n * np.log2(n))))))
-    figure, ax = plt.subplots(figsize=(5.6, 4.2), layout="constrained")
-    ax.loglog(n, 1e3 * seconds, "o", color=COLOURS[0], label="measured")
-    fine = np.geomspace(n.min(), n.max(), 100)
-    ax.loglog(fine, 1e3 * factor * fine * np.log2(fine), color="grey", label=f"{1e9 * factor:.3g} ns · N log₂ N")
-    ax.set(xlabel="cells N", ylabel="one product, ms")
-    ax.set_title("Product with the half-space compliance by FFT", loc="left")
+    """Time of products by FFT and by the dense matrix over the number of points, with the a N log2 N that fits the FFT's
+    best; returns {materials: a in s}."""
+    figure, ax = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    factors = {}
+    for name, colour in zip(dict.fromkeys(row["materials"] for row in rows), COLOURS):
+        part = [row for row in rows if row["materials"] == name]
+        n, seconds = (np.array([float(row[column]) for row in part]) for column in ("points", "fft_s"))
+        factor = factors[name] = float(np.exp(np.mean(np.log(seconds / (n * np.log2(n))))))
+        ax.loglog(n, 1e3 * seconds, "o", color=colour, label=f"FFT, {name} materials")
+        ax.loglog(n, 1e3 * factor * n * np.log2(n), color=colour, linewidth=0.8, label=f"{1e9 * factor:.3g} ns · N log₂ N")
+        dense = [row for row in part if row["dense_s"].strip()]
+        ax.loglog([float(row["points"]) for row in dense], [1e3 * float(row["dense_s"]) for row in dense], "s:", color=colour,
+                  markerfacecolor="none", label=f"dense matrix, {name} materials")
+    ax.set(xlabel="points N", ylabel="one product, ms")
+    ax.set_title("Product with the half-space compliance", loc="left")
     legend(ax, True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
-    return factor
+    return factors
 
 
 # ------------------------------------------------------------------------------------------------------------- helpers

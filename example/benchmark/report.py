@@ -57,7 +57,7 @@ def picture(study):
 
 
 def write_report(folder, kind, surroundings, tables, convolution):
-    """`tables`: [(study, rows)]; `convolution`: (rows, factor) or None."""
+    """`tables`: [(study, rows)]; `convolution`: (rows, factors) or None."""
     lines = [f"# Benchmark, {kind} version", "",
              "Run time against error. What is measured and how errors are defined: doc/benchmark.md. Errors are relative to the "
              "reference of each study. One thread unless said otherwise. All tables with all columns: `tables/*.csv`, and "
@@ -77,17 +77,17 @@ def write_report(folder, kind, surroundings, tables, convolution):
 def convolution_section(convolution):
     if convolution is None:
         return []
-    rows, factor = convolution
+    rows, factors = convolution
     names = list(rows[0])
-    return ["## Product by FFT", "",
-            f"One product of the half-space compliance with forces on a grid of N cells: {1e9 * factor:.3g} ns x N log2 N.", "",
+    fits = " and ".join(f"{1e9 * factor:.3g} ns x N log2 N with {name} materials" for name, factor in factors.items())
+    return ["## Product by FFT", "", f"One product of the half-space compliance with forces at N points, by FFT: {fits}.", "",
             "![Product by FFT](pictures/convolution.png)", "", "| " + " | ".join(names) + " |", "| --- " * len(names) + "|",
             *["| " + " | ".join(row[name] for name in names) + " |" for row in rows], ""]
 
 
 def convolution_table(program, path):
-    """Run the example that measures the products, keep its CSV, return its rows."""
+    """Run the example that measures the products, with one thread; keep its CSV, return its rows."""
     with open(path, "w", encoding="utf-8") as file:
-        subprocess.run([program], stdout=file, check=True)
+        subprocess.run([program], stdout=file, check=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
     with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+        return list(csv.DictReader(file))

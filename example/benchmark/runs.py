@@ -137,11 +137,11 @@ def limit_memory():
 
 
 def last_words(log):
-    """The last line that is no progress, for the table."""
+    """The last line that is neither progress nor backtrace, for the table."""
     with open(log, errors="replace") as file:
         lines = [line.strip() for line in file.read().replace("\r", "\n").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.startswith(("transient ", "wall time"))]
-    return lines[-1][:200] if lines else "no message"
+    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Error termination"))]
+    return lines[-1].replace(os.path.dirname(os.path.abspath(log)) + os.sep, "")[:200] if lines else "no message"
 
 
 def steps_done(result, case):

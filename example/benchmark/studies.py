@@ -1,5 +1,6 @@
 """The studies: what is varied, against which reference. Each is a list of variations of one case; the short and the full
 benchmark differ in the case and in the lists only."""
+import math
 from dataclasses import dataclass, field, replace
 
 from cases import Case
@@ -39,7 +40,10 @@ def short_studies(program, folder):
         "grid": lambda: grid_study(base, [(20, 13), (28, 18), (42, 26)], [(63, 40)]),
         "tolerance": lambda: tolerance_study(base, [1e-3, 1e-5, 1e-7, 1e-9]),
         "solvers": lambda: solver_study([("20 x 13 cells", hard_impact(replace(base, nx=20, ny=13, time_step=1e-5), 40), [1e-3, 1e-5, 1e-7])]),
-        "scaling": lambda: scaling_study(hard_impact(base), [(20, 13), (42, 26), (63, 40)], ["auto"], dict.fromkeys(solvers, 1e9)),
+        "scaling": lambda: scaling_study(hard_impact(base), [(20, 13), (42, 26), (63, 40)], {
+            "condensed, chosen points": ({}, math.inf),
+            "condensed fft, chosen points": ({"compliance": "fft"}, 2500),
+            "jacobi_eliminated, chosen points": ({"solver": "jacobi_eliminated"}, math.inf)}),
         "threads": lambda: thread_study([("42 x 26 cells", base), ("63 x 40 cells", large)], solvers, [1, 2]),
     }
 
@@ -63,8 +67,11 @@ def full_studies(program, folder):
             ("coarse FE, 20 x 13 cells", hard_impact(small), [1e-2, 1e-4, 1e-6, 1e-8]),
             ("full FE, 42 x 26 cells", hard_impact(middle), [1e-2, 1e-4, 1e-6, 1e-8]),
             ("full FE, 84 x 53 cells", hard_impact(base, steps=10), [1e-3, 1e-5])]),
-        "scaling": lambda: scaling_study(hard_impact(base), grids + finest[::-1], ["auto", "all"],
-                                         {"condensed": 1e9, "jacobi_eliminated": 10_000}),
+        "scaling": lambda: scaling_study(hard_impact(base), grids + finest[::-1], {
+            "condensed, chosen points": ({}, math.inf),
+            "condensed, all points": ({"potential": "all"}, math.inf),
+            "condensed fft, chosen points": ({"compliance": "fft"}, math.inf),
+            "jacobi_eliminated, chosen points": ({"solver": "jacobi_eliminated"}, 10_000)}),
         "threads": lambda: thread_study([("42 x 26 cells", middle), ("84 x 53 cells", base), ("126 x 79 cells", large)],
                                         solvers, [1, 2]),
     }
@@ -119,7 +126,7 @@ def mesh_study(base, names, program, folder):
     return Study(
         "mesh", "Finite-element mesh",
         f"Error of the FE mesh, with {cells((base.nx, base.ny))} on each pad: the reference is the mesh `{finest}` "
-        "(doc/benchmark.md). The half space adds its own compliance to that of the mesh, so a difference remains.",
+        "(doc/benchmark.md), itself not converged: every mesh adds its own compliance at the pads to that of the half space.",
         "fe_coordinates",
         [Variation(name, base.solver, found[name], [found[finest]]) for name in others], missing=missing)
 
@@ -150,18 +157,18 @@ def solver_study(scenes):
          for solver in ("condensed", "jacobi_eliminated", "jacobi") for tolerance in tolerances], few_steps=True)
 
 
-def scaling_study(base, grids, potentials, largest):
-    """`largest`: grid points up to which a solver is tried."""
+def scaling_study(base, grids, curves):
+    """`curves`: {name: (what is different from the base case, grid points up to which it is tried)}."""
     references = [replace(base, nx=nx, ny=ny) for nx, ny in sorted(grids, reverse=True)]
     return Study(
         "scaling", "Number of contact points",
         f"{base.steps()} slipping steps on grids of growing fineness. *chosen points*: the program picks those that may come "
-        "into contact, as by default; *all points*: every grid point takes part (`potential = 'all'`). The reference is the "
-        "finest grid that ran. What does not fit is a row that says so.",
+        "into contact, as by default; *all points*: every grid point takes part (`potential = 'all'`). The program chooses "
+        "whether it holds matrices; with *fft* it must not (`compliance = 'fft'`). The reference is the finest grid that ran. "
+        "What does not fit is a row that says so.",
         "contact_points",
-        [Variation(f"{nx}x{ny}", f"{solver}, {'chosen points' if potential == 'auto' else 'all points'}",
-                   replace(base, nx=nx, ny=ny, potential=potential, solver=solver), references)
-         for solver, limit in largest.items() for potential in potentials for nx, ny in grids if 2 * nx * ny <= limit],
+        [Variation(f"{nx}x{ny}", name, replace(base, nx=nx, ny=ny, **changes), references)
+         for name, (changes, limit) in curves.items() for nx, ny in grids if 2 * nx * ny <= limit],
         few_steps=True, diagram="scaling")
 
 

@@ -108,7 +108,7 @@ def write_csv(path, rows):
             writer.writerow([row.get(c.name, "") if not is_nan(row.get(c.name)) else "" for c in COLUMNS])
 
 
-def write_hdf5(path, tables, attributes):
+def write_hdf5(path, tables, convolution, attributes):
     """One group per study, one dataset per column; NaN where a table has no number."""
     with h5py.File(path, "w") as file:
         file.attrs.update(attributes)
@@ -123,6 +123,12 @@ def write_hdf5(path, tables, attributes):
                     data = group.create_dataset(column.name, data=[row.get(column.name, "") for row in rows],
                                                 dtype=h5py.string_dtype())
                 data.attrs["description"] = column.meaning
+        if convolution:
+            rows, group = convolution[0], file.create_group("convolution")
+            group.attrs["description"] = "products with the half-space compliance: points and seconds"
+            for name in rows[0]:
+                values = [row[name].strip() for row in rows]
+                group.create_dataset(name, data=values if name == "materials" else [float(value or "nan") for value in values])
 
 
 def markdown(study, rows):
