@@ -3,7 +3,8 @@
 !> With A the base set, M = G_AA^-1, S = -M R_A:
 !>     force_A  = force_A,ref + S (q - q_ref) + M x          x: gap increments of the base points
 !>     gap_n,o  = gap_n,o,ref + N (q - q_ref) + T x          o: points outside, whose force is zero
-!> with T = G_n,oA M and N = R_n,o + G_n,oA S. Points enter by bordering M with their Schur complement and
+!>     R_A^T force_A = stiffness q - S^T y                   y = gap_A - r_0,A, stiffness = R_A^T S
+!> with T = G_n,oA M and N = R_n,o + G_n,oA S. S and N are kept by point (transposed). Points enter by bordering M with their Schur complement and
 !> leave by the reverse; both keep M symmetric, and after `rebuild_after` changes M is factorised anew.
 module microslip_contact_base_set
    use microslip_contact_problem, only: contact_problem_t
@@ -25,12 +26,14 @@ module microslip_contact_base_set
       integer, allocatable :: place(:)
       !> (3 inside, 3 inside) N/m
       real(wp), allocatable :: M(:, :)
-      !> (3 inside, drivers)
-      real(wp), allocatable :: S(:, :)
       !> (outside, 3 inside)
       real(wp), allocatable :: T(:, :)
-      !> (outside, drivers)
-      real(wp), allocatable :: N(:, :)
+      !> (drivers, 3 inside) S^T and (drivers, outside) N^T
+      real(wp), allocatable :: slope(:, :), slope_outside(:, :)
+      !> (outputs, 3 inside) -outputs_A^T M
+      real(wp), allocatable :: output_slope(:, :)
+      !> (drivers, drivers) R_A^T S and (outputs, drivers) outputs_A^T S
+      real(wp), allocatable :: stiffness(:, :), output_stiffness(:, :)
       !> Points that entered or left since the last factorisation
       integer :: changes = 0
    contains
@@ -174,15 +177,26 @@ contains
       self%changes = k
    end subroutine leave
 
-   !> S = -M R_A and N = R_n,o + G_n,oA S = R_n,o - T R_A.
+   !> S = -M R_A, N = R_n,o + G_n,oA S = R_n,o - T R_A, and what the forces add up to.
    subroutine update_slopes(self, problem)
       class(base_set_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
-      real(wp), allocatable :: R_A(:, :)
+      real(wp), allocatable :: R_A(:, :), outputs_A(:, :), S(:, :), N(:, :)
 
       R_A = problem%R(unknowns(self%inside), :)
-      self%S = -multiply(self%M, R_A)
-      self%N = problem%R(3*self%outside - 2, :) - multiply(self%T, R_A)
+      S = -multiply(self%M, R_A)
+      N = problem%R(3*self%outside - 2, :) - multiply(self%T, R_A)
+      self%slope = transpose(S)
+      self%slope_outside = transpose(N)
+      self%stiffness = matmul(transpose(R_A), S)
+      if (allocated(problem%outputs)) then
+         outputs_A = problem%outputs(unknowns(self%inside), :)
+         self%output_slope = -transpose(multiply(self%M, outputs_A))
+         self%output_stiffness = matmul(transpose(outputs_A), S)
+      else
+         self%output_slope = reshape([real(wp) ::], [0, size(S, 1)])
+         self%output_stiffness = reshape([real(wp) ::], [0, size(S, 2)])
+      end if
    end subroutine update_slopes
 
    !> Lists of the points inside (as given) and outside (ascending).
