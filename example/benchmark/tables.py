@@ -84,8 +84,9 @@ def row_of(variation, run, reference):
                iterations_per_step=result.facts["iterations"] / result.facts["steps"],
                ms_per_step=1e3 * stepping / result.facts["steps"], s_per_ms=1e-3 * stepping / case.duration)
     if reference is not None:
-        row.update(compare(result, read_result(reference.result), case.pulse),
-                   reference="this run" if reference is run else "another run")
+        truth = read_result(reference.result)
+        row.update(compare(result, truth, case.pulse), reference=("this run" if reference is run else "another run")
+                   + (", NOT CONVERGED" if truth.facts["unconverged_steps"] else ""))
     return row
 
 
