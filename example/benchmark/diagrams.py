@@ -76,8 +76,9 @@ def precision(axes, study, rows):
         points = list(zip(drawn([row.get(measure, np.nan) for row in part]), [row["s_per_ms"] for row in part]))
         name_points(axes[1], points, [row["label"] for row in part], style["color"])
         name_ticks(axes[0], study, part)
-    for ax in axes:
-        legend(ax, several)
+    legend(axes[0], several)
+    if not several:  # there the labels have the colours of the curves
+        legend(axes[1], several)
 
 
 def scaling(axes, study, rows):
