@@ -23,22 +23,21 @@ contains
       !> Largest violation of the laws, N
       real(wp), intent(out) :: residual
       real(wp) :: own(3, 3), others(3), x(3), old(3), dx(3)
-      integer :: a, r, p
+      integer :: a, p
 
-      call block%evaluate()
+      call block%evaluate(columns_only=.true.)
       residual = block%residual()
       do sweeps = 1, max_sweeps
          do a = 1, block%columns
-            r = block%row(a)
-            own(:, 1) = block%M_n(3*r - 2:3*r, a)
-            own(:, 2:3) = block%M_t(3*r - 2:3*r, 2*a - 1:2*a)
+            own(:, 1) = block%M_n(3*a - 2:3*a, a)
+            own(:, 2:3) = block%M_t(3*a - 2:3*a, 2*a - 1:2*a)
             old = [block%x_n(a), block%x_t(:, a)]
-            others = block%trial(:, r) - matmul(own, old)
-            call solve_point(own, others, block%gap_old(a), block%friction(r), block%forced_open(a), x, block%status(a))
+            others = block%trial(:, a) - matmul(own, old)
+            call solve_point(own, others, block%gap_old(a), block%friction(a), block%forced_open(a), x, block%status(a))
             dx = x - old
             block%x_n(a) = x(1)
             block%x_t(:, a) = x(2:3)
-            do p = 1, block%rows
+            do p = 1, block%columns
                block%trial(:, p) = block%trial(:, p) + block%M_n(3*p - 2:3*p, a)*dx(1) &
                   & + block%M_t(3*p - 2:3*p, 2*a - 1)*dx(2) + block%M_t(3*p - 2:3*p, 2*a)*dx(3)
             end do

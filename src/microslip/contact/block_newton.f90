@@ -14,7 +14,17 @@ module microslip_contact_block_newton
    public :: solve_newton
 
    !> A step must bring the residual down to this part, or the factor is renewed.
-   real(wp), parameter :: slow = 0.2_wp
+   real(wp), parameter :: slow = 0.3_wp
+   integer, parameter :: patience = 3
+   integer, parameter :: max_secants = 10
+
+   !> Steps taken with the same states and factor.
+   type :: secants_t
+      integer :: count = 0
+      !> (3, columns, steps) m, and their squared lengths
+      real(wp), allocatable :: step(:, :, :)
+      real(wp) :: square(max_secants) = 0.0_wp
+   end type secants_t
 
 contains
 
@@ -34,9 +44,9 @@ contains
       !> Estimated error of the forces, N: what a further step would change, by the largest ratio of change to
       !> residual of the steps taken
       real(wp), intent(out) :: force_error
-      real(wp) :: dx_n(block%columns), dx_t(2, block%columns), violation(3, block%columns)
-      real(wp), allocatable :: before(:, :)
+      real(wp) :: dx_n(block%columns), dx_t(2, block%columns), violation(3, block%columns), before(3, block%columns)
       integer :: status_before(block%columns)
+      type(secants_t) :: secants
       real(wp) :: amplification, previous
       logical :: singular
 
@@ -47,26 +57,60 @@ contains
          call block%update_states()
          residual = block%residual()
          if (residual <= limit .or. steps == max_steps) exit
-         before = block%trial(:, :block%rows)
+         before = block%trial(:, :block%columns)
          call prescribe(block, dx_n, dx_t)
          call kept%linearise(block)
-         if (residual > slow*previous .and. all(status_before == block%status(:block%columns))) then
+         if (any(status_before /= block%status(:block%columns))) then
+            secants%count = 0
+            call kept%follow(block, singular)
+         else if (residual > slow*previous .and. steps > patience) then
+            secants%count = 0
             call kept%rebuild(block, singular)
          else
-            call kept%follow(block, singular)
+            singular = .false.
          end if
          if (singular) exit
          call violations(block, violation)
          call kept%solve(violation, dx_n, dx_t)
+         call correct_by_secants(secants, dx_n, dx_t)
          block%x_n(:block%columns) = block%x_n(:block%columns) + dx_n
          block%x_t(:, :block%columns) = block%x_t(:, :block%columns) + dx_t
          call block%apply(dx_n, dx_t)
-         amplification = max(amplification, maxval(abs(block%trial(:, :block%rows) - before))/residual)
+         amplification = max(amplification, maxval(abs(block%trial(:, :block%columns) - before))/residual)
          previous = residual
          status_before = block%status(:block%columns)
       end do
       force_error = amplification*residual
    end subroutine solve_newton
+
+   !> Broyden's correction of a step of the kept factor by the steps taken before it (C. T. Kelley, Iterative methods
+   !> for linear and nonlinear equations, 1995, algorithm brsol): a stale factor learns what it misses.
+   subroutine correct_by_secants(secants, dx_n, dx_t)
+      type(secants_t), intent(inout) :: secants
+      !> (columns) and (2, columns) step of the factor in, corrected step out, m
+      real(wp), intent(inout) :: dx_n(:), dx_t(:, :)
+      real(wp) :: step(3, size(dx_n)), share
+      integer :: k
+
+      step(1, :) = dx_n
+      step(2:3, :) = dx_t
+      do k = 1, secants%count - 1
+         step = step + secants%step(:, :, k + 1)*(sum(secants%step(:, :, k)*step)/secants%square(k))
+      end do
+      k = secants%count
+      if (k > 0) then
+         share = sum(secants%step(:, :, k)*step)/secants%square(k)
+         if (share < 0.5_wp) step = step/(1.0_wp - share)
+         if (share >= 0.5_wp .or. k == max_secants) secants%count = 0
+      end if
+      if (sum(step**2) == 0.0_wp) return
+      if (.not. allocated(secants%step)) allocate (secants%step(3, size(dx_n), max_secants))
+      secants%count = secants%count + 1
+      secants%step(:, :, secants%count) = step
+      secants%square(secants%count) = sum(step**2)
+      dx_n = step(1, :)
+      dx_t = step(2:3, :)
+   end subroutine correct_by_secants
 
    !> What the states prescribe: closed points have no gap, sticking points no slip.
    subroutine prescribe(block, dx_n, dx_t)
@@ -94,17 +138,16 @@ contains
       !> (3, columns) N
       real(wp), intent(out) :: violation(:, :)
       real(wp) :: w(2)
-      integer :: a, r
+      integer :: a
 
       violation = 0.0_wp
       do a = 1, block%columns
-         r = block%row(a)
          if (block%status(a) == state_open) then
-            violation(:, a) = block%trial(:, r)
+            violation(:, a) = block%trial(:, a)
          else if (block%status(a) == state_slip) then
-            w = block%trial(2:3, r) - block%stiffness_t(a)*block%x_t(:, a)
-            violation(2:3, a) = block%trial(2:3, r) &
-               & - w*(block%friction(r)*max(0.0_wp, block%trial(1, r))/max(norm2(w), tiny(1.0_wp)))
+            w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
+            violation(2:3, a) = block%trial(2:3, a) &
+               & - w*(block%friction(a)*max(0.0_wp, block%trial(1, a))/max(norm2(w), tiny(1.0_wp)))
          end if
       end do
    end subroutine violations

@@ -117,7 +117,7 @@ contains
       force = My + matmul(state%q, self%base%slope)
       self%force_ref = force
       self%gap_ref = problem%r_0(3*self%base%outside - 2) + matmul(state%q, self%base%slope_outside)
-      self%gap_ref = self%gap_ref + matmul(self%base%T, y)
+      self%gap_ref = self%gap_ref + matmul(y, self%base%T_t)
       self%q_ref = state%q
       self%h = matmul(self%base%slope, y)
       self%h_output = matmul(self%base%output_slope, y)
@@ -127,7 +127,7 @@ contains
       allocate (self%has_moved(n), source=.false.)
 
       if (maxval(self%largest_dq) > 0.0_wp) then
-         call self%lookout%weigh(problem, self%base, max(self%largest_dq, 1.0e-3_wp*maxval(self%largest_dq)))
+         call self%lookout%weigh(problem, self%base, self%largest_dq)
       else
          call self%lookout%weigh(problem, self%base, spread(1.0_wp, 1, size(self%h)))
       end if
@@ -171,6 +171,7 @@ contains
 
       call self%block%add_row(self%base, place, problem%friction(self%base%inside(place)))
       self%block%force(:, self%block%rows) = force
+      self%block%change(:, self%block%rows) = 0.0_wp
       self%lookout%margin(place) = huge(1.0_wp)
       self%lookout%used(place) = 0.0_wp
       if (moves) call free_row(self, problem, state, self%block%rows)
@@ -222,14 +223,18 @@ contains
       self%steps_since_refresh = self%steps_since_refresh + 1
       call shed_open_points(self, problem, state, record)
       call begin_step(self, problem, q, state)
+      ! A first guess which points must move: those that would leave their cones if the last step were repeated.
+      self%block%trial(:, :self%block%rows) = self%block%force(:, :self%block%rows) + self%block%change(:, :self%block%rows)
       call free_violated(self, problem, state, 0.0_wp, more)
+      call self%block%evaluate(columns_only=.true.)
       do round = 1, max_rounds
          scale = force_scale(self, state)
          call solve_block(self, scale, record)
+         call self%block%evaluate(columns_only=.false.)
          scale = force_scale(self, state)
          call free_violated(self, problem, state, self%tolerance*scale, more)
          if (more) cycle
-         spent = self%lookout%spent(q - state%q, self%block%place(self%block%row(:self%block%columns)), increments(self%block))
+         spent = self%lookout%spent(q - state%q, self%block%place(:self%block%columns), increments(self%block))
          call look_inside(self, problem, q, state, spent, looked, self%tolerance*scale, more)
          if (more) cycle
          closing = closing_points(self, problem, q, state, spent, looked, scale)
@@ -246,6 +251,9 @@ contains
       if (.not. record%converged) print *, 'NC', round, self%block%columns, size(self%base%inside), record%residual, &
       & record%iterations, record%rescues, &
          & scale, self%block%status(:self%block%columns)
+      if (mod(self%steps_since_refresh, 10) == 0) print *, 'DBG', self%steps_since_refresh, round, record%iterations, &
+         & self%block%rows, self%block%columns, &
+         & count(looked < huge(1.0_wp)), count(self%has_moved), count(state%status /= state_open)
       call commit(self, problem, q, state, spent, looked, record)
       if (.not. self%lazy) call self%complete(problem, state)
    end subroutine advance
@@ -260,10 +268,10 @@ contains
 
       call self%block%predict(q - state%q)
       do a = 1, self%block%columns
-         p = self%base%inside(self%block%place(self%block%row(a)))
+         p = self%base%inside(self%block%place(a))
          call set_start(self%block, a, problem, state, p, self%last_increment(:, p))
       end do
-      call self%block%evaluate()
+      call self%block%evaluate(columns_only=.true.)
    end subroutine begin_step
 
    !> Gap before the step and first guess of the increments of a column.
@@ -329,8 +337,7 @@ contains
       integer :: r
 
       more = .false.
-      do r = 1, self%block%rows
-         if (self%block%column(r) > 0) cycle
+      do r = self%block%columns + 1, self%block%rows
          if (.not. leaves_cone(self%block%trial(:, r), self%block%friction(r), slack)) cycle
          call free_row(self, problem, state, r)
          more = .true.
@@ -384,18 +391,17 @@ contains
       type(solve_record_t), intent(inout) :: record
       type(error_t), allocatable :: error
       real(wp), allocatable :: M(:, :), compliance(:, :), predicted(:), c(:), eps(:), force(:), x(:)
-      integer :: a, b, n, r, sweeps
+      integer :: a, b, n, sweeps
 
       n = self%block%columns
       allocate (M(3*n, 3*n), predicted(3*n), force(3*n))
       do b = 1, n
          do a = 1, n
-            r = self%block%row(a)
-            M(3*a - 2:3*a, 3*b - 2) = self%block%M_n(3*r - 2:3*r, b)
-            M(3*a - 2:3*a, 3*b - 1:3*b) = self%block%M_t(3*r - 2:3*r, 2*b - 1:2*b)
+            M(3*a - 2:3*a, 3*b - 2) = self%block%M_n(3*a - 2:3*a, b)
+            M(3*a - 2:3*a, 3*b - 1:3*b) = self%block%M_t(3*a - 2:3*a, 2*b - 1:2*b)
          end do
-         predicted(3*b - 2:3*b) = self%block%predicted(:, self%block%row(b))
-         force(3*b - 2:3*b) = self%block%trial(:, self%block%row(b))
+         predicted(3*b - 2:3*b) = self%block%predicted(:, b)
+         force(3*b - 2:3*b) = self%block%trial(:, b)
       end do
       compliance = M
       call inverse_spd(compliance, error)
@@ -406,7 +412,7 @@ contains
       c = -matmul(compliance, predicted)
       c(1::3) = c(1::3) + self%block%gap_old(:n)
       eps = step_lengths(compliance)
-      associate (friction => self%block%friction(self%block%row(:n)))
+      associate (friction => self%block%friction(:n))
          call iterate_projected_jacobi(compliance, c, eps, contraction_gap(M, eps), friction, self%block%forced_open(:n), &
             & 0.0_wp, self%tolerance, self%max_iterations, force, sweeps, record%error_estimate)
          self%block%status(:n) = states_of_forces(reshape(force, [3, n]), friction)
@@ -416,9 +422,9 @@ contains
       x = matmul(compliance, force - predicted)
       self%block%x_n(:n) = x(1::3)
       self%block%x_t(:, :n) = reshape([x(2::3), x(3::3)], [2, n], order=[2, 1])
-      call self%block%evaluate()
+      call self%block%evaluate(columns_only=.false.)
       do a = 1, n
-         self%block%trial(:, self%block%row(a)) = force(3*a - 2:3*a)
+         self%block%trial(:, a) = force(3*a - 2:3*a)
       end do
    end subroutine solve_block_by_jacobi
 
@@ -463,7 +469,7 @@ contains
          call follow_point(self, problem, state, leaving(k), force_of(self, leaving(k), state%q, moved, x), moves=.true.)
       end do
       call self%block%predict(q - state%q)
-      call self%block%evaluate()
+      call self%block%evaluate(columns_only=.true.)
    end subroutine look_inside
 
    !> Places and increments since the reference, with those of the present step or without them.
@@ -481,7 +487,7 @@ contains
       flag = self%has_moved
       if (with_step) then
          do a = 1, self%block%columns
-            j = self%block%place(self%block%row(a))
+            j = self%block%place(a)
             all_x(1, j) = all_x(1, j) + self%block%x_n(a)
             all_x(2:3, j) = all_x(2:3, j) + self%block%x_t(:, a)
             flag(j) = .true.
@@ -539,7 +545,7 @@ contains
          gathered = .true.
          gap = self%gap_ref(j) + dot_product(self%base%slope_outside(:, j), q - self%q_ref)
          do m = 1, size(moved)
-            gap = gap + dot_product(self%base%T(j, 3*moved(m) - 2:3*moved(m)), x(:, m))
+            gap = gap + dot_product(self%base%T_t(3*moved(m) - 2:3*moved(m), j), x(:, m))
          end do
          looked(k) = gap
          p = self%base%outside(j)
@@ -626,8 +632,7 @@ contains
       self%largest_dq = max(self%largest_dq, abs(dq))
       associate (block => self%block, base => self%base)
          do a = 1, block%columns
-            r = block%row(a)
-            j = block%place(r)
+            j = block%place(a)
             p = base%inside(j)
             x = [block%x_n(a), block%x_t(:, a)]
             state%status(p) = block%status(a)
@@ -637,10 +642,10 @@ contains
             do k = 1, 3
                slopes(k) = dot_product(base%slope(:, 3*j - 3 + k), state%q + q)
             end do
-            self%c = self%c + dot_product(x, block%force(:, r) + block%trial(:, r) - slopes)
+            self%c = self%c + dot_product(x, block%force(:, a) + block%trial(:, a) - slopes)
             self%h = self%h + matmul(base%slope(:, 3*j - 2:3*j), x)
             self%h_output = self%h_output + matmul(base%output_slope(:, 3*j - 2:3*j), x)
-            record%friction_loss = record%friction_loss - dot_product(block%trial(2:3, r), x(2:3))
+            record%friction_loss = record%friction_loss - dot_product(block%trial(2:3, a), x(2:3))
             state%gap(:, p) = state%gap(:, p) + x
             ! What the states prescribe holds to the last bit.
             if (state%status(p) /= state_open .and. .not. problem%velocity_level) state%gap(1, p) = 0.0_wp
@@ -649,6 +654,7 @@ contains
          end do
          do r = 1, block%rows
             p = base%inside(block%place(r))
+            block%change(:, r) = block%trial(:, r) - block%force(:, r)
             block%force(:, r) = block%trial(:, r)
             if (state%status(p) == state_open) block%force(:, r) = 0.0_wp
             state%force(:, p) = block%force(:, r)
@@ -705,7 +711,7 @@ contains
       integer :: r, sticking
 
       sticking = count(self%block%status(:self%block%columns) == state_stick)
-      if (2*sticking <= self%block%columns + 16 .and. self%block%rows <= 3*self%block%columns + 200) return
+      if (2*sticking <= self%block%columns + 16 .and. (self%block%columns > 0 .or. self%block%rows <= 32)) return
       do r = 1, self%block%rows
          force(:, self%block%place(r)) = self%block%force(:, r)
          call watch_inside(self, problem, self%block%place(r), self%block%force(:, r))
@@ -724,12 +730,12 @@ contains
       n = size(self%base%inside)
       force = self%force_ref + matmul(state%q - self%q_ref, self%base%slope)
       gap = self%gap_ref + matmul(state%q - self%q_ref, self%base%slope_outside)
+      if (any(self%has_moved)) gap = gap + matmul(reshape(self%moved, [3*n]), self%base%T_t)
       do m = 1, n
          if (.not. self%has_moved(m)) cycle
          do k = 1, 3
             if (self%moved(k, m) == 0.0_wp) cycle
             force = force + self%base%M(:, 3*m - 3 + k)*self%moved(k, m)
-            gap = gap + self%base%T(:, 3*m - 3 + k)*self%moved(k, m)
          end do
       end do
       do r = 1, self%block%rows

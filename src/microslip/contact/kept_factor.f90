@@ -51,7 +51,7 @@ contains
       class(kept_factor_t), intent(inout) :: self
       type(contact_block_t), intent(in) :: block
       real(wp) :: w(2), length
-      integer :: a, r
+      integer :: a
 
       if (allocated(self%beta)) then
          if (size(self%beta) < block%columns) deallocate (self%beta, self%direction)
@@ -61,11 +61,10 @@ contains
       self%fresh = .false.
       do a = 1, block%columns
          if (block%status(a) /= state_slip) cycle
-         r = block%row(a)
-         w = block%trial(2:3, r) - block%stiffness_t(a)*block%x_t(:, a)
+         w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
          length = max(norm2(w), tiny(1.0_wp))
          self%direction(:, a) = w/length
-         self%beta(a) = min(1.0_wp, block%friction(r)*max(0.0_wp, block%trial(1, r))/length)
+         self%beta(a) = min(1.0_wp, block%friction(a)*max(0.0_wp, block%trial(1, a))/length)
       end do
    end subroutine linearise
 
@@ -174,12 +173,12 @@ contains
          i = 1
          do while (i <= size(rows))
             a = (rows(i) - 1)/kinds + 1
-            r = 3*block%row(a) - 2
+            r = 3*a - 2
             select case (mod(rows(i) - 1, kinds) + 1)
             case (1)
                tangential = M(r + 1:r + 2)
                along = dot_product(self%direction(:, a), tangential)
-               factor = self%beta(a)*along - block%friction(block%row(a))*M(r)
+               factor = self%beta(a)*along - block%friction(a)*M(r)
                tangential = (1.0_wp - self%beta(a))*tangential + factor*self%direction(:, a)
                if (a == b .and. component > 0) then
                   tangential = tangential - block%stiffness_t(a)*self%beta(a)*self%direction(component, a)*self%direction(:, a)

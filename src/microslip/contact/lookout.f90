@@ -3,8 +3,8 @@
 !> A margin is what a sticking point has left to its cone, mu force_n - |force_t|, or the gap of an open point.
 !> In a step it shrinks by no more than
 !>     slope |D^-1 dq|  +  sum over tiles of influence |x_tile|
-!> (Cauchy-Schwarz): D weighs the drivers by how far they move in a step, a tile is a run of base points, x are
-!> their gap increments. What the steps have used up is added up; only where it reaches the margin must the point
+!> (Cauchy-Schwarz): D weighs the drivers by how far they move in a step and how much they matter - the bound is
+!> tightest with D^2 = |dq|/|slope|. A tile is a run of base points, x are their gap increments. What the steps have used up is added up; only where it reaches the margin must the point
 !> be looked at. In a stretch without slip that is one multiplication per point.
 module microslip_contact_lookout
    use microslip_contact_base_set, only: base_set_t
@@ -22,8 +22,8 @@ module microslip_contact_lookout
    type :: lookout_t
       !> (watched) margin when last looked at, and what has been used up since; N or m
       real(wp), allocatable :: margin(:), used(:)
-      !> (drivers) D
-      real(wp), allocatable, private :: weight(:)
+      !> (drivers) by how much they move in a step, and D
+      real(wp), allocatable, private :: moves(:), weight(:)
       !> (watched) and (watched, tiles)
       real(wp), allocatable, private :: slope(:), influence(:, :)
    contains
@@ -58,27 +58,31 @@ contains
             end do
             self%influence(j, t) = sqrt(squares(2) + squares(3)) + problem%friction(base%inside(j))*sqrt(squares(1))
          end do
-         do k = first, last
-            self%influence(n + 1:, t) = self%influence(n + 1:, t) + base%T(:, k)**2
+         do j = 1, m
+            self%influence(n + j, t) = norm2(base%T_t(first:last, j))
          end do
-         self%influence(n + 1:, t) = sqrt(self%influence(n + 1:, t))
       end do
       !$omp end parallel do
-      if (allocated(self%weight)) call self%weigh(problem, base, self%weight)
+      if (allocated(self%moves)) call self%weigh(problem, base, self%moves)
    end subroutine survey
 
    !> Choose D.
-   subroutine weigh(self, problem, base, weight)
+   subroutine weigh(self, problem, base, moves)
       class(lookout_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       type(base_set_t), intent(in) :: base
-      !> (drivers) positive
-      real(wp), intent(in) :: weight(:)
+      !> (drivers) by how much they move in a step, not all zero
+      real(wp), intent(in) :: moves(:)
+      real(wp) :: size_of(size(moves)), effect(size(moves))
       integer :: n, m, j
 
       n = size(base%inside)
       m = size(base%outside)
-      self%weight = weight
+      self%moves = moves
+      size_of = max([(norm2(base%slope(j, :)), j=1, size(moves))], tiny(1.0_wp))
+      effect = moves*size_of
+      ! Drivers that stood still may move: they get a small part.
+      self%weight = sqrt(max(effect, 1.0e-4_wp*maxval(effect)))/size_of
       if (allocated(self%slope)) deallocate (self%slope)
       allocate (self%slope(n + m))
       do j = 1, n
