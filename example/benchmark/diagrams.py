@@ -21,7 +21,7 @@ matplotlib.rcParams.update({**STYLE, "lines.markersize": 5, "lines.linewidth": 1
 
 def draw(study, rows, path):
     """Draw a study's picture; False if it has no two points to draw."""
-    rows = [row for row in rows if not row["failure"] and not empty(row["ms_per_step"])]
+    rows = [row for row in rows if not row["failure"]]
     if len(rows) < 2:
         return False
     figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")

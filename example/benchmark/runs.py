@@ -47,8 +47,9 @@ class Runner:
         if start and not run.failure and not run.start and run.seconds["transient"] < START:
             one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)))
             if not one.failure:
-                n = case.steps()
-                run.start = max((n * one.seconds["transient"] - run.seconds["transient"]) / (n - 1), 0.0)
+                n, total = case.steps(), run.seconds["transient"]
+                begun = max((n * one.seconds["transient"] - total) / (n - 1), 0.0)
+                run.start = begun if begun < 0.95 * total else 0.0  # what would be left is noise: nothing is taken off
         return run
 
     def measure(self, case):

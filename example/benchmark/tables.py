@@ -78,8 +78,6 @@ def row_of(variation, run, reference):
         return row
     result = read_result(run.result)
     stepping = run.seconds["transient"] - run.start
-    if stepping <= 0.0:  # lost in the noise of a busy machine
-        stepping = float("nan")
     row.update(result.facts, transient=run.seconds["transient"], start=run.start or float("nan"), setup=run.setup_seconds(), repeats=run.repeats,
                iterations_per_step=result.facts["iterations"] / result.facts["steps"],
                ms_per_step=1e3 * stepping / result.facts["steps"], s_per_ms=1e-3 * stepping / case.duration)
