@@ -1,0 +1,154 @@
+"""Runs the program on a case, one run after another, and measures it."""
+import os
+import resource
+import statistics
+import subprocess
+import threading
+from dataclasses import dataclass, field, replace
+
+import h5py
+
+PATIENCE = 1.0  # s: runs are repeated until they took this together, or REPEATS times
+REPEATS = 5
+START = 20.0    # s: a time integration that takes longer than this hides the start of its solver
+
+
+@dataclass
+class Run:
+    """What came of a case. `failure` is empty if it ran to its end."""
+    case: object
+    result: str                                  # result file
+    failure: str = ""
+    seconds: dict = field(default_factory=dict)  # by stage of the program; medians over the repeats
+    start: float = 0.0                           # s of the time integration before its first step, if it was measured
+    repeats: int = 1
+    memory: float = float("nan")                 # bytes, the most it held
+    others: float = float("nan")                 # cores that other processes used meanwhile, mean
+
+    def setup_seconds(self):
+        """Contact matrices and preload, without reading and reduction."""
+        return self.seconds["contact matrices"] + self.seconds["preload"]
+
+
+class Runner:
+    """Keeps what was run: studies share runs of the same case."""
+
+    def __init__(self, program, folder, time_limit):
+        self.program, self.folder, self.time_limit = os.path.abspath(program), os.path.abspath(folder), time_limit
+        self.known = {}
+        os.makedirs(self.folder, exist_ok=True)
+
+    def run(self, case, start=False):
+        """Run a case, several times if it is short. `start`: tell the start of the time integration from its steps, by a
+        run of one step."""
+        run = self.known.get(case)
+        if run is None:
+            run = self.known[case] = self.measure(case)
+        if start and not run.failure and not run.start and run.seconds["transient"] < START:
+            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)))
+            if not one.failure:
+                n, total = case.steps(), run.seconds["transient"]
+                begun = max((n * one.seconds["transient"] - total) / (n - 1), 0.0)
+                run.start = begun if begun < 0.95 * total else 0.0  # what would be left is noise: nothing is taken off
+        return run
+
+    def measure(self, case):
+        path = os.path.join(self.folder, f"run_{len(self.known):03d}.nml")
+        if not os.path.exists(self.cache(case)):  # neither time nor memory of the reduction are to be measured
+            self.once(replace(case, nx=20, ny=13, solver="condensed", compliance="", potential="auto", duration=case.time_step,
+                              snapshots=(case.time_step,)), path)
+        runs = [self.once(case, path)]
+        while not runs[-1].failure and len(runs) < REPEATS and sum(sum(run.seconds.values()) for run in runs) < PATIENCE:
+            runs.append(self.once(case, path))
+        last = runs[-1]
+        if not last.failure:
+            last.seconds = {stage: statistics.median(run.seconds[stage] for run in runs) for stage in last.seconds}
+            last.repeats = len(runs)
+            last.others = max(run.others for run in runs)
+        return last
+
+    def cache(self, case):
+        """Where the reduced model is kept for all runs with it."""
+        model = os.path.splitext(os.path.basename(case.model))[0]
+        return os.path.join(self.folder, f"{model}_{case.n_modes}.cache")
+
+    def once(self, case, path):
+        with open(path, "w") as file:
+            file.write(case.text(self.cache(case)))
+        run = Run(case, path[:-4] + ".h5")
+        log = path[:-4] + ".log"
+        if os.path.exists(run.result):
+            os.remove(run.result)
+        clock = Processors()
+        status, killed, usage = self.execute([self.program, "--output", run.result, path], log, case.threads)
+        run.others = clock.others(usage)
+        run.memory = 1024.0 * usage.ru_maxrss
+        if killed:
+            run.failure = f"stopped after {self.time_limit:.0f} s{steps_done(run.result, case)}"
+        elif status != 0:
+            run.failure = f"exit status {status}: {last_words(log)}"
+        else:
+            with h5py.File(run.result, "r") as file:
+                run.seconds = dict(zip(file["timing/stage"].asstr()[()], map(float, file["timing/seconds"][()])))
+        return run
+
+    def execute(self, command, log, threads):
+        """Exit status, whether the time limit ended it, and the process's use of the machine."""
+        environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
+        with open(log, "w") as output:
+            process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, env=environment,
+                                       preexec_fn=limit_memory)
+        late = threading.Event()
+        timer = threading.Timer(self.time_limit, lambda: (late.set(), process.kill()))
+        timer.start()
+        try:
+            _, status, usage = os.wait4(process.pid, 0)
+        finally:
+            timer.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return process.returncode, late.is_set(), usage
+
+
+class Processors:
+    """How busy the machine was with other work since this was made."""
+
+    def __init__(self):
+        self.busy, self.all = self.read()
+
+    @staticmethod
+    def read():
+        """Busy and all seconds of one processor, mean over them."""
+        with open("/proc/stat") as file:
+            ticks = [int(word) for word in file.readline().split()[1:9]]
+        return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
+
+    def others(self, usage):
+        """Cores used by others than the process with this usage."""
+        busy, everything = self.read()
+        elapsed = (everything - self.all) / os.cpu_count()
+        own = (usage.ru_utime + usage.ru_stime) * os.sysconf("SC_CLK_TCK")
+        return max(busy - self.busy - own, 0.0) / max(elapsed, 1.0)
+
+
+def limit_memory():
+    """What does not fit must fail, not swap."""
+    most = int(0.9 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def last_words(log):
+    """The last line that is neither progress nor backtrace, for the table."""
+    with open(log, errors="replace") as file:
+        lines = [line.strip() for line in file.read().replace("\r", "\n").splitlines() if line.strip()]
+    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Error termination"))]
+    return lines[-1].replace(os.path.dirname(os.path.abspath(log)) + os.sep, "")[:200] if lines else "no message"
+
+
+def steps_done(result, case):
+    """What an interrupted run had reached."""
+    try:
+        with h5py.File(result, "r", locking=False) as file:
+            return f", {max(len(file['transient/time']) - 1, 0)} of {case.steps()} steps in its file"
+    except (OSError, KeyError):
+        return ", before the first step"
