@@ -1,6 +1,7 @@
 !> Contact solvers by name.
 module microslip_contact_factory
    use microslip_contact_condensed, only: condensed_solver_t
+   use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_plain_jacobi, only: plain_jacobi_t
    use microslip_contact_problem, only: contact_solver_t
    use microslip_core_error, only: error_t, bad_input
@@ -12,7 +13,8 @@ module microslip_contact_factory
 
    !> What the user may choose about the contact.
    type :: contact_options_t
-      !> 'condensed', 'jacobi' (the paper's, all points) or 'jacobi_eliminated' (sticking points eliminated)
+      !> 'condensed', 'jacobi' (the paper's, all points), 'jacobi_eliminated' (sticking points eliminated), or, where the
+      !> compliance is an operator, 'matrix_free'
       character(len=:), allocatable :: solver
       !> Wanted relative accuracy of the contact forces
       real(wp) :: tolerance = 1.0e-10_wp
@@ -34,13 +36,15 @@ contains
       select case (options%solver)
       case ('condensed')
          allocate (condensed_solver_t :: solver)
+      case ('matrix_free')
+         allocate (matrix_free_solver_t :: solver)
       case ('jacobi_eliminated')
          allocate (solver, source=condensed_solver_t(by_jacobi=.true.))
       case ('jacobi')
          allocate (plain_jacobi_t :: solver)
       case default
          call bad_input(error, "no contact solver '"//options%solver// &
-            & "' (allowed: 'condensed', 'jacobi', 'jacobi_eliminated')")
+            & "' (allowed: 'condensed', 'jacobi', 'jacobi_eliminated', 'matrix_free')")
          return
       end select
       solver%tolerance = options%tolerance

@@ -14,7 +14,7 @@ module microslip_contact_matrix_free
    private
 
    public :: matrix_free_solver_t
-   logical, public :: debug = .false.
+   logical, public :: debug = .true.
 
    !> Newton steps of an attempt, and the most parts that a step is approached in.
    integer, parameter :: newton_steps = 30, most_parts = 16
@@ -181,7 +181,7 @@ contains
          call judge(self, problem, state, other)
          if (other%residual < trial%residual) trial = other
       else if (allocated(self%expected_closed)) then
-         where (self%expected_closed .and. trial%status == state_open) trial%status = state_stick
+         trial%status = merge(state_stick, state_open, self%expected_closed)
       end if
    end subroutine choose_start
 

@@ -4,11 +4,12 @@
 !> long as it, and what is made from it, fits into half of the memory that is left, and its factors take minutes at most.
 module microslip_system_compliance_choice
    use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
    use microslip_core_machine_memory, only: available_memory
    implicit none(type, external)
    private
 
-   public :: compliance_auto, compliance_dense, compliance_fft, takes_fft, dense_memory, why_form
+   public :: compliance_auto, compliance_dense, compliance_fft, compliance_named, takes_fft, dense_memory, why_form
 
    integer, parameter :: compliance_auto = 0, compliance_dense = 1, compliance_fft = 2
 
@@ -20,6 +21,18 @@ module microslip_system_compliance_choice
    real(wp), parameter :: modest_memory = 4.0e9_wp
 
 contains
+
+   !> The choice of a case file. Only the condensed solver has a form for the operator.
+   pure integer function compliance_named(name, solver)
+      !> 'auto', 'dense' or 'fft'
+      character(len=*), intent(in) :: name
+      !> Contact solver
+      character(len=*), intent(in) :: solver
+
+      compliance_named = compliance_auto
+      if (name == 'fft') compliance_named = compliance_fft
+      if (name == 'dense' .or. solver /= 'condensed') compliance_named = compliance_dense
+   end function compliance_named
 
    !> Whether the compliance of that many unknowns is to be the operator.
    logical function takes_fft(choice, unknowns)
@@ -46,7 +59,6 @@ contains
 
    !> The form in words, for the log: what it is and what the dense matrix would take.
    function why_form(choice, unknowns) result(text)
-      use microslip_core_text, only: to_text
       integer, intent(in) :: choice, unknowns
       character(len=:), allocatable :: text
 
