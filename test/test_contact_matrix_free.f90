@@ -3,7 +3,7 @@
 module test_contact_matrix_free
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_laws, only: state_open, state_stick, state_slip
-   use microslip_contact_matrix_free, only: matrix_free_solver_t, debug
+   use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, new_state
    use microslip_core_error, only: mslip_error => error_t
    use microslip_core_kinds, only: wp
@@ -49,7 +49,6 @@ contains
       real(wp) :: difference, scale
       integer :: k, visited(3)
 
-      debug = .true.
       operator_problem = with_operator(problem)
       a = new_state(problem)
       b = a
@@ -63,9 +62,6 @@ contains
       do k = 1, 60
          call dense%advance(problem, driver(k), a, record_a)
          call free%advance(operator_problem, driver(k), b, record_b)
-         if (debug) print '(a,i4,2l2,3es10.2,2i4)', 'step', k, record_a%converged, record_b%converged, &
-            & maxval(abs(a%force - b%force))/max(maxval(a%force), 1d-30), record_b%residual, record_b%error_estimate, &
-            & record_b%iterations, record_b%rescues
          call check(error, record_a%converged .and. record_b%converged, 'not converged')
          if (allocated(error)) return
          scale = max(scale, maxval(a%force))

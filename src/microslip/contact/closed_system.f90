@@ -246,7 +246,6 @@ contains
       do k = 1, size(rhs, 2)
          one = reshape(rhs(:, k), shape(solution))
          call self%solve(compliance, one, column_accuracy, 0.0_wp, column_steps, solution, steps, first, last)
-         print *, 'DEBUG column', k, steps, first, last !DEBUG
          if (last > column_accuracy*first) then
             call failure(error, 'contact compliance: the iteration for stuck points does not converge (residual '// &
                & to_text(last/first, 2)//' after '//to_text(steps)//' steps)')
@@ -306,7 +305,6 @@ contains
       call eigen_symmetric(T, values, error)
       if (allocated(error)) return
       far = pack([(k, k=1, n)], values > well_above .or. (values < well_below .and. values > 0.0_wp))
-      print '(a,i4,a,i4,a,(10es9.2))', 'DEBUG learn', n, ' far', size(far), ' values', values(far) !DEBUG
       self%excess = 1.0_wp - 1.0_wp/values(far)
       self%learned = matmul(z(:, :n), T(:, far))
    end subroutine learn

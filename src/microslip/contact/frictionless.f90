@@ -96,7 +96,6 @@ contains
          call system%solve(compliance, gap, on_the_way, target, krylov_steps, change, krylov, first, last)
          forces = forces + change
          target = accuracy*norm2(forces)
-         print *, 'DEBUG frictionless', step, krylov, first, last, target, count(closed) !DEBUG
          call compliance%product(forces, gap)
          next = merge(forces(1, :) > 0.0_wp, gap(1, :) + r < 0.0_wp, closed)
          if (all(next .eqv. closed) .and. last <= target) exit

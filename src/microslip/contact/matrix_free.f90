@@ -14,10 +14,11 @@ module microslip_contact_matrix_free
    private
 
    public :: matrix_free_solver_t
-   logical, public :: debug = .true.
 
    !> Newton steps of an attempt, and the most parts that a step is approached in.
    integer, parameter :: newton_steps = 30, most_parts = 16
+   !> Most halvings of a Newton step.
+   integer, parameter :: most_halvings = 6
    !> Krylov steps of a Newton step.
    integer, parameter :: krylov_steps = 100
    !> Relative accuracy of a Newton step while states change and when they do not.
@@ -35,8 +36,8 @@ module microslip_contact_matrix_free
       real(wp), allocatable :: gap(:, :)
       !> (points) contact states that forces and gaps select
       integer, allocatable :: status(:)
-      !> Largest violation of the laws, N
-      real(wp) :: residual = huge(1.0_wp)
+      !> Largest violation of the laws of a point, and the 2-norm over the points, N
+      real(wp) :: residual = huge(1.0_wp), merit = huge(1.0_wp)
    end type trial_t
 
    type, extends(contact_solver_t) :: matrix_free_solver_t
@@ -192,24 +193,24 @@ contains
       !> Before the step
       type(contact_state_t), intent(in) :: state
       type(trial_t), intent(inout) :: trial
-      real(wp) :: gap(3)
+      real(wp) :: gap(3), violation(problem%n_points)
       integer :: p
 
       if (.not. allocated(trial%status)) allocate (trial%status(problem%n_points))
-      trial%residual = 0.0_wp
       do p = 1, problem%n_points
          associate (k => self%system%stiffness(:, p), force => trial%force(:, p))
             if (forced_open(problem, state, p)) then
                trial%status(p) = state_open
-               trial%residual = max(trial%residual, maxval(abs(force)))
+               violation(p) = maxval(abs(force))
                cycle
             end if
             gap = increment(problem, state, trial, p)
             trial%status(p) = classify(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
-            trial%residual = max(trial%residual, &
-               & law_residual(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p)))
+            violation(p) = law_residual(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
          end associate
       end do
+      trial%residual = maxval(violation)
+      trial%merit = norm2(violation)
    end subroutine judge
 
    !> Normal gap and slip of a point in the step (on velocity level the normal gap's increment).
@@ -253,18 +254,21 @@ contains
       real(wp), intent(in) :: q(:)
       type(trial_t), intent(inout) :: trial
       type(solve_record_t), intent(inout) :: record
-      real(wp) :: dx(3, problem%n_points), rhs(3, problem%n_points), first, last, target
+      type(trial_t) :: old
+      real(wp) :: dx(3, problem%n_points), rhs(3, problem%n_points), first, last, target, sharpness
       integer :: before(problem%n_points)
       integer :: step, krylov
 
       before = -1
+      ! The Krylov method stops at the 2-norm of an even spread of errors; where they are not even it must go on.
+      sharpness = 0.03_wp
       do step = 1, newton_steps
          record%iterations = record%iterations + 1
+         old = trial
          call linearise(self, problem, state, trial)
          trial%gap = gap_of(problem, q, trial%force)
          call right_hand_side(self, problem, state, trial, rhs)
-         ! The 2-norm of an even spread of errors that is well below the tolerance everywhere.
-         target = 0.03_wp*self%tolerance*force_scale(self, trial)*sqrt(real(max(1, count(trial%status /= state_open)), wp))
+         target = sharpness*self%tolerance*force_scale(self, trial)*sqrt(real(max(1, count(trial%status /= state_open)), wp))
          call self%system%solve(problem%compliance, rhs, merge(fine, rough, all(trial%status == before)), target, &
             & krylov_steps, dx, krylov, first, last)
          before = trial%status
@@ -272,13 +276,37 @@ contains
          trial%force = trial%force + dx
          trial%gap = gap_of(problem, q, trial%force)
          call judge(self, problem, state, trial)
-         if (debug) write (*, '(a,i4,a,i4,a,3es10.2,a,3i7)') '    newton', step, ' krylov', krylov, ' res', &
-            & trial%residual/force_scale(self, trial), first, last, ' states', count(trial%status == 0), &
-            & count(trial%status == 1), count(trial%status == 2)
+         call shorten(self, problem, state, old, trial)
          record%converged = trial%residual <= self%tolerance*force_scale(self, trial)
          if (record%converged) return
+         if (last <= target) sharpness = 0.1_wp*sharpness
       end do
    end subroutine newton
+
+   !> Where a full step does not bring the laws nearer, take the best of shorter ones. Gaps are linear in the forces.
+   subroutine shorten(self, problem, state, old, trial)
+      class(matrix_free_solver_t), intent(in) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      !> Before the Newton step
+      type(trial_t), intent(in) :: old
+      !> After it
+      type(trial_t), intent(inout) :: trial
+      type(trial_t) :: full, part
+      real(wp) :: length
+      integer :: k
+
+      if (trial%merit < old%merit) return
+      full = trial
+      do k = 1, most_halvings
+         length = 0.5_wp**k
+         part%force = old%force + length*(full%force - old%force)
+         part%gap = old%gap + length*(full%gap - old%gap)
+         call judge(self, problem, state, part)
+         if (part%merit < trial%merit) trial = part
+         if (trial%merit < (1.0_wp - 0.5_wp*length)*old%merit) return
+      end do
+   end subroutine shorten
 
    !> Take the linear system of the trial's states, and from its forces what the states exclude: open points carry none,
    !> friction of slipping points is mu force_n along d, and the part across.

@@ -57,15 +57,15 @@ contains
       if (memory <= 0.0_wp) memory = modest_memory
    end function memory
 
-   !> The form in words, for the log: what it is and what the dense matrix would take.
-   function why_form(choice, unknowns) result(text)
-      integer, intent(in) :: choice, unknowns
+   !> The form in words, for the log, with what the choice looks at.
+   function why_form(fft, unknowns) result(text)
+      !> Operator, not matrix
+      logical, intent(in) :: fft
+      integer, intent(in) :: unknowns
       character(len=:), allocatable :: text
 
-      text = 'dense matrix'
-      if (takes_fft(choice, unknowns)) text = 'FFT operator'
-      text = text//trim(merge(' (chosen: ', ' (asked:  ', choice == compliance_auto))//' dense matrices would take ' &
-         & //to_text(dense_memory(unknowns)/1.0e9_wp, 2)//' GB, '//to_text(memory()/1.0e9_wp, 2)//' GB are free)'
+      text = trim(merge('FFT operator', 'dense matrix', fft))//' for '//to_text(unknowns)//' unknowns (dense matrices: ' &
+         & //to_text(dense_memory(unknowns)/1.0e9_wp, 2)//' GB of '//to_text(memory()/1.0e9_wp, 2)//' GB that are free)'
    end function why_form
 
 end module microslip_system_compliance_choice
