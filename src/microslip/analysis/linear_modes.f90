@@ -63,9 +63,10 @@ contains
       real(wp), intent(inout) :: stiffness(:, :)
       type(error_t), allocatable, intent(out) :: error
       type(closed_system_t) :: closed
-      real(wp), allocatable :: x(:, :)
+      real(wp), allocatable :: R(:, :), x(:, :)
 
-      associate (problem => system%problem, R => system%problem%R(:, :system%n_modes))
+      R = system%problem%R(:, :system%n_modes)
+      associate (problem => system%problem)
          call closed%set_up(problem%compliance, problem%friction, merge(state_stick, state_open, status /= state_open))
          call closed%learn(problem%compliance, error)
          if (allocated(error)) return

@@ -119,7 +119,7 @@ contains
       !> (pads, loads) derivative of the interface forces by the amplitudes, N
       real(wp), intent(out) :: slope(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:)
+      real(wp), allocatable :: G(:, :), R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:)
       type(closed_system_t) :: normal
       real(wp) :: deviation(size(system%pads)), wanted
       integer :: trial
@@ -132,6 +132,8 @@ contains
          call normal%set_up(problem%compliance, problem%friction, spread(state_frictionless, 1, problem%n_points))
          call normal%learn(problem%compliance, error)
          if (allocated(error)) return
+      else
+         G = problem%G(1::3, 1::3)
       end if
       force = 0.0_wp
       allocate (sensitivity(size(force), size(amplitude)))
@@ -147,7 +149,7 @@ contains
             call solve_frictionless_by_operator(problem%compliance, normal, r_0 + matmul(R, amplitude), R, closed, force, &
                & sensitivity, error)
          else
-            call solve_frictionless(problem%G(1::3, 1::3), r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
+            call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
          end if
          if (allocated(error)) return
          slope = sums_over_pads(system, sensitivity)
