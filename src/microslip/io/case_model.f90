@@ -109,8 +109,7 @@ contains
       if (record%solver == 'condensed') then
          call keys%name_key('compliance', record%compliance, [character(len=name_length) :: 'auto', 'dense', 'fft'])
       else
-         call keys%ignored(['compliance'], "with solver = 'condensed', the only one that does without the dense matrix", &
-            decided_by='solver')
+         call keys%ignored(['compliance'], "with solver = 'condensed'", decided_by='solver')
       end if
       call keys%finish()
    end subroutine contact_keys
