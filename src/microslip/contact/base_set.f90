@@ -3,7 +3,8 @@
 !> With A the base set, M = G_AA^-1, S = -M R_A:
 !>     force_A  = force_A,ref + S (q - q_ref) + M x          x: gap increments of the base points
 !>     gap_n,o  = gap_n,o,ref + N (q - q_ref) + T x          o: points outside, whose force is zero
-!> with T = G_n,oA M and N = R_n,o + G_n,oA S. Points enter by bordering M with their Schur complement and
+!>     R_A^T force_A = stiffness q - S^T y                   y = gap_A - r_0,A, stiffness = R_A^T S
+!> with T = G_n,oA M and N = R_n,o + G_n,oA S. S, N and T are kept by point (transposed). Points enter by bordering M with their Schur complement and
 !> leave by the reverse; both keep M symmetric, and after `rebuild_after` changes M is factorised anew.
 module microslip_contact_base_set
    use microslip_contact_problem, only: contact_problem_t
@@ -25,12 +26,14 @@ module microslip_contact_base_set
       integer, allocatable :: place(:)
       !> (3 inside, 3 inside) N/m
       real(wp), allocatable :: M(:, :)
-      !> (3 inside, drivers)
-      real(wp), allocatable :: S(:, :)
-      !> (outside, 3 inside)
-      real(wp), allocatable :: T(:, :)
-      !> (outside, drivers)
-      real(wp), allocatable :: N(:, :)
+      !> (3 inside, outside) T^T
+      real(wp), allocatable :: T_t(:, :)
+      !> (drivers, 3 inside) S^T and (drivers, outside) N^T
+      real(wp), allocatable :: slope(:, :), slope_outside(:, :)
+      !> (outputs, 3 inside) -outputs_A^T M
+      real(wp), allocatable :: output_slope(:, :)
+      !> (drivers, drivers) R_A^T S and (outputs, drivers) outputs_A^T S
+      real(wp), allocatable :: stiffness(:, :), output_stiffness(:, :)
       !> Points that entered or left since the last factorisation
       integer :: changes = 0
    contains
@@ -59,8 +62,8 @@ contains
          error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
          return
       end if
-      cross = problem%G(3*self%outside - 2, rows)
-      self%T = multiply(cross, self%M)
+      cross = problem%G(rows, 3*self%outside - 2)
+      self%T_t = multiply(self%M, cross)
       call update_slopes(self, problem)
       self%changes = 0
    end subroutine build
@@ -71,7 +74,7 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: cross(:, :), U(:, :), U_t(:, :), schur(:, :), US(:, :), M(:, :), T(:, :), border(:, :)
+      real(wp), allocatable :: cross(:, :), U(:, :), U_t(:, :), schur(:, :), US(:, :), M(:, :), T_t(:, :), border(:, :)
       integer, allocatable :: rows(:), new(:), kept(:)
       integer :: n, k, j
 
@@ -107,17 +110,18 @@ contains
       M(n + 1:, :n) = -transpose(US)
       M(n + 1:, n + 1:) = schur
 
-      ! Rows of T for the points that stay outside.
+      ! Columns of T^T for the points that stay outside.
       kept = pack([(j, j=1, size(self%outside))], [(all(points /= self%outside(j)), j=1, size(self%outside))])
-      self%T = self%T(kept, :)
-      border = problem%G(3*self%outside(kept) - 2, new) - multiply(self%T, cross)
-      border = multiply(border, schur)
-      allocate (T(size(kept), n + k))
-      T(:, :n) = self%T - multiply(border, U_t)
-      T(:, n + 1:) = border
+      self%T_t = self%T_t(:, kept)
+      border = transpose(cross)
+      border = problem%G(new, 3*self%outside(kept) - 2) - multiply(border, self%T_t)
+      border = multiply(schur, border)
+      allocate (T_t(n + k, size(kept)))
+      T_t(:n, :) = self%T_t - multiply(U, border)
+      T_t(n + 1:, :) = border
 
       call move_alloc(M, self%M)
-      call move_alloc(T, self%T)
+      call move_alloc(T_t, self%T_t)
       k = self%changes + size(points)
       call partition(self, problem%n_points, [self%inside, points])
       call update_slopes(self, problem)
@@ -130,7 +134,7 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: W(:, :), own(:, :), cross(:, :), M(:, :), T(:, :)
+      real(wp), allocatable :: W(:, :), own(:, :), cross(:, :), M(:, :), T_t(:, :)
       integer, allocatable :: stay(:), gone(:), rows(:), outside(:)
       integer :: j, k
 
@@ -158,31 +162,43 @@ contains
 
       outside = self%outside
       k = size(outside)
-      allocate (T(k + size(points), size(rows)))
-      cross = self%T(:, gone)
-      T(:k, :) = self%T(:, rows) - multiply(cross, W)
+      allocate (T_t(size(rows), k + size(points)))
+      cross = transpose(W)
+      own = self%T_t(gone, :)
+      T_t(:, :k) = self%T_t(rows, :) - multiply(cross, own)
       do j = 1, size(points)
-         T(k + j, :) = -W(3*j - 2, :)
+         T_t(:, k + j) = -W(3*j - 2, :)
       end do
       call move_alloc(M, self%M)
       k = self%changes + size(points)
       call partition(self, problem%n_points, stay)
-      ! `partition` lists the points outside in ascending order: sort the rows of T the same way.
+      ! `partition` lists the points outside in ascending order: sort the columns of T^T the same way.
       outside = [outside, points]
-      self%T = T(order_of(outside, problem%n_points), :)
+      self%T_t = T_t(:, order_of(outside, problem%n_points))
       call update_slopes(self, problem)
       self%changes = k
    end subroutine leave
 
-   !> S = -M R_A and N = R_n,o + G_n,oA S = R_n,o - T R_A.
+   !> S = -M R_A, N = R_n,o + G_n,oA S = R_n,o - T R_A, and what the forces add up to.
    subroutine update_slopes(self, problem)
       class(base_set_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
-      real(wp), allocatable :: R_A(:, :)
+      real(wp), allocatable :: R_A(:, :), R_A_t(:, :), outputs_A(:, :), S(:, :)
 
       R_A = problem%R(unknowns(self%inside), :)
-      self%S = -multiply(self%M, R_A)
-      self%N = problem%R(3*self%outside - 2, :) - multiply(self%T, R_A)
+      S = -multiply(self%M, R_A)
+      R_A_t = transpose(R_A)
+      self%slope = transpose(S)
+      self%slope_outside = transpose(problem%R(3*self%outside - 2, :)) - multiply(R_A_t, self%T_t)
+      self%stiffness = multiply(R_A_t, S)
+      if (allocated(problem%outputs)) then
+         outputs_A = problem%outputs(unknowns(self%inside), :)
+         self%output_slope = -transpose(multiply(self%M, outputs_A))
+         self%output_stiffness = matmul(transpose(outputs_A), S)
+      else
+         self%output_slope = reshape([real(wp) ::], [0, size(S, 1)])
+         self%output_stiffness = reshape([real(wp) ::], [0, size(S, 2)])
+      end if
    end subroutine update_slopes
 
    !> Lists of the points inside (as given) and outside (ascending).

@@ -3,7 +3,7 @@
 !> Point after point, the three increments of a point are set so that its own laws hold with all others
 !> fixed. Slower than Newton and far more robust; used to give Newton a better start.
 module microslip_contact_block_gauss_seidel
-   use microslip_contact_block_newton, only: contact_block_t, block_residual
+   use microslip_contact_block, only: contact_block_t
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -22,24 +22,27 @@ contains
       integer, intent(out) :: sweeps
       !> Largest violation of the laws, N
       real(wp), intent(out) :: residual
-      real(wp) :: own(3, 3), others(3), x(3), dx(3)
-      integer :: j, k, c
+      real(wp) :: own(3, 3), others(3), x(3), old(3), dx(3)
+      integer :: a, p
 
-      block%force = block%predicted + matmul(block%M, block%x)
-      residual = block_residual(block)
+      call block%evaluate(columns_only=.true.)
+      residual = block%residual()
       do sweeps = 1, max_sweeps
-         do j = 1, block%n
-            k = 3*j - 2
-            own = block%M(k:k + 2, k:k + 2)
-            others = block%force(k:k + 2) - matmul(own, block%x(k:k + 2))
-            call solve_point(own, others, block%gap_old(j), block%friction(j), block%forced_open(j), x, block%status(j))
-            dx = x - block%x(k:k + 2)
-            block%x(k:k + 2) = x
-            do c = 1, 3
-               block%force = block%force + block%M(:, k - 1 + c)*dx(c)
+         do a = 1, block%columns
+            own(:, 1) = block%M_n(3*a - 2:3*a, a)
+            own(:, 2:3) = block%M_t(3*a - 2:3*a, 2*a - 1:2*a)
+            old = [block%x_n(a), block%x_t(:, a)]
+            others = block%trial(:, a) - matmul(own, old)
+            call solve_point(own, others, block%gap_old(a), block%friction(a), block%forced_open(a), x, block%status(a))
+            dx = x - old
+            block%x_n(a) = x(1)
+            block%x_t(:, a) = x(2:3)
+            do p = 1, block%columns
+               block%trial(:, p) = block%trial(:, p) + block%M_n(3*p - 2:3*p, a)*dx(1) &
+                  & + block%M_t(3*p - 2:3*p, 2*a - 1)*dx(2) + block%M_t(3*p - 2:3*p, 2*a)*dx(3)
             end do
          end do
-         residual = block_residual(block)
+         residual = block%residual()
          if (residual <= limit) exit
       end do
       sweeps = min(sweeps, max_sweeps)

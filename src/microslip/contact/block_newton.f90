@@ -1,88 +1,40 @@
-!> Semismooth Newton (Alart-Curnier) on the points off stick, in gap increments.
+!> Semismooth Newton (Alart-Curnier) on the moving points, in gap increments, with a kept factor.
 !>
-!> The block of a condensed contact problem:
-!>     force = predicted + M x,    gap_n = gap_old + x_n,    slip = x_t
-!> with M the inverse contact compliance of the base set restricted to these points (METHOD section 5).
-!> Open points carry three unknowns (force = 0), slipping points two (x_n = -gap_old is known), sticking
-!> points none. Converges in a few steps to rounding; it may cycle, which the caller detects by the record.
+!> Open points carry three unknowns (force = 0), slipping points two (x_n = -gap_old is known), sticking points
+!> none. The Jacobian is factorised rarely (`kept_factor`): the residual is evaluated exactly in every step, so a
+!> stale factor costs steps, not accuracy. It may cycle, which the caller detects by the residual.
 module microslip_contact_block_newton
-   use microslip_contact_laws, only: classify, law_residual, state_open, state_stick, state_slip
-   use microslip_core_error, only: error_t
+   use microslip_contact_block, only: contact_block_t
+   use microslip_contact_kept_factor, only: kept_factor_t
+   use microslip_contact_laws, only: state_open, state_slip
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: solve_general
    implicit none(type, external)
    private
 
-   public :: contact_block_t, solve_newton, block_residual
+   public :: solve_newton
 
-   !> A condensed contact problem over the points off stick.
-   type :: contact_block_t
-      integer :: n = 0
-      !> (3 n, 3 n) N/m, symmetric positive definite
-      real(wp), allocatable :: M(:, :)
-      !> (3 n) N, forces if no gap changed
-      real(wp), allocatable :: predicted(:)
-      !> (n) normal gap before the step, m
-      real(wp), allocatable :: gap_old(:)
-      !> (n)
-      real(wp), allocatable :: friction(:)
-      !> (n) no force here whatever the gap (velocity level)
-      logical, allocatable :: forced_open(:)
-      !> (3 n) solution: gap increments, m
-      real(wp), allocatable :: x(:)
-      !> (3 n) solution: forces, N
-      real(wp), allocatable :: force(:)
-      !> (n) solution: contact states
-      integer, allocatable :: status(:)
-   end type contact_block_t
+   !> A step must bring the residual down to this part, or the factor is renewed.
+   real(wp), parameter :: slow = 0.3_wp
+   integer, parameter :: patience = 3
+   integer, parameter :: max_secants = 10
+
+   !> Steps taken with the same states and factor.
+   type :: secants_t
+      integer :: count = 0
+      !> (3, columns, steps) m, and their squared lengths
+      real(wp), allocatable :: step(:, :, :)
+      real(wp) :: square(max_secants) = 0.0_wp
+   end type secants_t
 
 contains
 
-   !> States of all points of the block from its forces and increments.
-   pure subroutine update_states(block)
-      type(contact_block_t), intent(inout) :: block
-      integer :: j, k
-
-      do j = 1, block%n
-         k = 3*j - 2
-         if (block%forced_open(j)) then
-            block%status(j) = state_open
-         else
-            block%status(j) = classify(block%force(k:k + 2), block%gap_old(j) + block%x(k), block%x(k + 1:k + 2), &
-               & block%M(k, k), tangential_stiffness(block, k), block%friction(j))
-         end if
-      end do
-   end subroutine update_states
-
-   !> The one augmentation of both tangential components of the point whose first unknown is k, N/m.
-   pure real(wp) function tangential_stiffness(block, k)
-      type(contact_block_t), intent(in) :: block
-      integer, intent(in) :: k
-      tangential_stiffness = min(block%M(k + 1, k + 1), block%M(k + 2, k + 2))
-   end function tangential_stiffness
-
-   !> Largest violation of the contact laws in the block, N.
-   pure real(wp) function block_residual(block)
-      type(contact_block_t), intent(in) :: block
-      integer :: j, k
-
-      block_residual = 0.0_wp
-      do j = 1, block%n
-         k = 3*j - 2
-         if (block%forced_open(j)) then
-            block_residual = max(block_residual, maxval(abs(block%force(k:k + 2))))
-         else
-            block_residual = max(block_residual, law_residual(block%force(k:k + 2), block%gap_old(j) + block%x(k), &
-               & block%x(k + 1:k + 2), block%M(k, k), tangential_stiffness(block, k), block%friction(j)))
-         end if
-      end do
-   end function block_residual
-
    !> Newton steps until the residual is below the limit or `max_steps` are used up.
    !>
-   !> Start value: block%x. Exit: residual <= limit (converged), or steps = max_steps, or a singular matrix.
-   subroutine solve_newton(block, limit, max_steps, steps, residual, force_error)
+   !> Start value: the block's increments and trial forces. Exit: residual <= limit (converged), or
+   !> steps = max_steps, or a singular matrix.
+   subroutine solve_newton(block, kept, limit, max_steps, steps, residual, force_error)
       type(contact_block_t), intent(inout) :: block
+      type(kept_factor_t), intent(inout) :: kept
       !> Residual to stop at, N
       real(wp), intent(in) :: limit
       integer, intent(in) :: max_steps
@@ -92,111 +44,112 @@ contains
       !> Estimated error of the forces, N: what a further step would change, by the largest ratio of change to
       !> residual of the steps taken
       real(wp), intent(out) :: force_error
-      real(wp), allocatable :: dx(:), change(:)
-      real(wp) :: amplification
+      real(wp) :: dx_n(block%columns), dx_t(2, block%columns), violation(3, block%columns), before(3, block%columns)
+      integer :: status_before(block%columns)
+      type(secants_t) :: secants
+      real(wp) :: amplification, previous
       logical :: singular
 
       amplification = 1.0_wp
-      block%force = block%predicted + matmul(block%M, block%x)
+      previous = huge(1.0_wp)
+      status_before = -1
       do steps = 0, max_steps
-         call update_states(block)
-         residual = block_residual(block)
+         call block%update_states()
+         residual = block%residual()
          if (residual <= limit .or. steps == max_steps) exit
-         call newton_step(block, dx, singular)
+         before = block%trial(:, :block%columns)
+         call prescribe(block, dx_n, dx_t)
+         call kept%linearise(block)
+         if (any(status_before /= block%status(:block%columns))) then
+            secants%count = 0
+            call kept%follow(block, singular)
+         else if (residual > slow*previous .and. steps > patience) then
+            secants%count = 0
+            call kept%rebuild(block, singular)
+         else
+            singular = .false.
+         end if
          if (singular) exit
-         block%x = block%x + dx
-         change = matmul(block%M, dx)
-         amplification = max(amplification, maxval(abs(change))/residual)
-         block%force = block%predicted + matmul(block%M, block%x)
+         call violations(block, violation)
+         call kept%solve(violation, dx_n, dx_t)
+         call correct_by_secants(secants, dx_n, dx_t)
+         block%x_n(:block%columns) = block%x_n(:block%columns) + dx_n
+         block%x_t(:, :block%columns) = block%x_t(:, :block%columns) + dx_t
+         call block%apply(dx_n, dx_t)
+         amplification = max(amplification, maxval(abs(block%trial(:, :block%columns) - before))/residual)
+         previous = residual
+         status_before = block%status(:block%columns)
       end do
       force_error = amplification*residual
    end subroutine solve_newton
 
-   !> One step: the increments that satisfy the laws linearised in the current states.
-   subroutine newton_step(block, dx, singular)
-      type(contact_block_t), intent(in) :: block
-      real(wp), allocatable, intent(out) :: dx(:)
-      logical, intent(out) :: singular
-      type(error_t), allocatable :: error
-      integer, allocatable :: unknown(:)
-      real(wp), allocatable :: matrix(:, :), rhs(:, :), force(:)
-      integer :: j, k, row, n
+   !> Broyden's correction of a step of the kept factor by the steps taken before it (C. T. Kelley, Iterative methods
+   !> for linear and nonlinear equations, 1995, algorithm brsol): a stale factor learns what it misses.
+   subroutine correct_by_secants(secants, dx_n, dx_t)
+      type(secants_t), intent(inout) :: secants
+      !> (columns) and (2, columns) step of the factor in, corrected step out, m
+      real(wp), intent(inout) :: dx_n(:), dx_t(:, :)
+      real(wp) :: step(3, size(dx_n)), share
+      integer :: k
 
-      ! What the states prescribe: closed points have no gap, sticking points no slip.
-      allocate (dx(3*block%n), source=0.0_wp)
-      allocate (unknown(3*block%n))
-      n = 0
-      do j = 1, block%n
-         k = 3*j - 2
-         if (block%status(j) == state_open) then
-            unknown(n + 1:n + 3) = [k, k + 1, k + 2]
-            n = n + 3
-         else
-            dx(k) = -block%gap_old(j) - block%x(k)
-            if (block%status(j) == state_stick) then
-               dx(k + 1:k + 2) = -block%x(k + 1:k + 2)
-            else
-               unknown(n + 1:n + 2) = [k + 1, k + 2]
-               n = n + 2
-            end if
+      step(1, :) = dx_n
+      step(2:3, :) = dx_t
+      do k = 1, secants%count - 1
+         step = step + secants%step(:, :, k + 1)*(sum(secants%step(:, :, k)*step)/secants%square(k))
+      end do
+      k = secants%count
+      if (k > 0) then
+         share = sum(secants%step(:, :, k)*step)/secants%square(k)
+         if (share < 0.5_wp) step = step/(1.0_wp - share)
+         if (share >= 0.5_wp .or. k == max_secants) secants%count = 0
+      end if
+      if (sum(step**2) == 0.0_wp) return
+      if (.not. allocated(secants%step)) allocate (secants%step(3, size(dx_n), max_secants))
+      secants%count = secants%count + 1
+      secants%step(:, :, secants%count) = step
+      secants%square(secants%count) = sum(step**2)
+      dx_n = step(1, :)
+      dx_t = step(2:3, :)
+   end subroutine correct_by_secants
+
+   !> What the states prescribe: closed points have no gap, sticking points no slip.
+   subroutine prescribe(block, dx_n, dx_t)
+      type(contact_block_t), intent(inout) :: block
+      !> (columns) and (2, columns) work space
+      real(wp), intent(out) :: dx_n(:), dx_t(:, :)
+      integer :: a
+
+      dx_n = 0.0_wp
+      dx_t = 0.0_wp
+      do a = 1, block%columns
+         if (block%status(a) == state_open) cycle
+         dx_n(a) = -block%gap_old(a) - block%x_n(a)
+         if (block%status(a) /= state_slip) dx_t(:, a) = -block%x_t(:, a)
+      end do
+      if (all(dx_n == 0.0_wp) .and. all(dx_t == 0.0_wp)) return
+      block%x_n(:block%columns) = block%x_n(:block%columns) + dx_n
+      block%x_t(:, :block%columns) = block%x_t(:, :block%columns) + dx_t
+      call block%apply(dx_n, dx_t)
+   end subroutine prescribe
+
+   !> What the laws miss in the unknowns of the present states: open force = 0, slipping force_t = mu force_n direction.
+   subroutine violations(block, violation)
+      type(contact_block_t), intent(in) :: block
+      !> (3, columns) N
+      real(wp), intent(out) :: violation(:, :)
+      real(wp) :: w(2)
+      integer :: a
+
+      violation = 0.0_wp
+      do a = 1, block%columns
+         if (block%status(a) == state_open) then
+            violation(:, a) = block%trial(:, a)
+         else if (block%status(a) == state_slip) then
+            w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
+            violation(2:3, a) = block%trial(2:3, a) &
+               & - w*(block%friction(a)*max(0.0_wp, block%trial(1, a))/max(norm2(w), tiny(1.0_wp)))
          end if
       end do
-      singular = .false.
-      if (n == 0) return
-      force = block%force + matmul(block%M, dx)
-
-      allocate (matrix(n, n), rhs(n, 1))
-      row = 0
-      do j = 1, block%n
-         k = 3*j - 2
-         if (block%status(j) == state_open) then
-            matrix(row + 1:row + 3, :) = block%M(k:k + 2, unknown(:n))
-            rhs(row + 1:row + 3, 1) = -force(k:k + 2)
-            row = row + 3
-         else if (block%status(j) == state_slip) then
-            call slip_rows(block, j, force(k:k + 2), unknown(:n), matrix(row + 1:row + 2, :), rhs(row + 1:row + 2, 1))
-            row = row + 2
-         end if
-      end do
-      call solve_general(matrix, rhs, error)
-      singular = allocated(error)
-      if (.not. singular) dx(unknown(:n)) = dx(unknown(:n)) + rhs(:, 1)
-   end subroutine newton_step
-
-   !> The two rows of a slipping point: force_t = mu force_n w/|w|, w = force_t - stiffness slip, linearised.
-   pure subroutine slip_rows(block, j, force, unknown, rows, rhs)
-      type(contact_block_t), intent(in) :: block
-      !> Point of the block
-      integer, intent(in) :: j
-      !> (3) forces with the prescribed increments of this step already in, N
-      real(wp), intent(in) :: force(3)
-      !> Unknowns of the step
-      integer, intent(in) :: unknown(:)
-      real(wp), intent(out) :: rows(:, :), rhs(:)
-      real(wp) :: w(2), direction(2), rim(2, 2), beta, stiffness, limit, length
-      integer :: k, c
-
-      k = 3*j - 2
-      stiffness = tangential_stiffness(block, k)
-      w = block%force(k + 1:k + 2) - stiffness*block%x(k + 1:k + 2)
-      length = norm2(w)
-      direction = w/length
-      limit = block%friction(j)*max(0.0_wp, block%force(k))
-      beta = min(1.0_wp, limit/length)
-      ! rim = beta (I - direction direction^T)
-      rim(1, :) = beta*[1.0_wp - direction(1)**2, -direction(1)*direction(2)]
-      rim(2, :) = beta*[-direction(1)*direction(2), 1.0_wp - direction(2)**2]
-      do c = 1, size(unknown)
-         associate (column => block%M(k:k + 2, unknown(c)))
-            rows(:, c) = column(2:3) - matmul(rim, column(2:3)) - block%friction(j)*direction*column(1)
-         end associate
-         if (unknown(c) == k + 1) rows(:, c) = rows(:, c) + stiffness*rim(:, 1)
-         if (unknown(c) == k + 2) rows(:, c) = rows(:, c) + stiffness*rim(:, 2)
-      end do
-      ! The residual at the current iterate, plus what the prescribed increments change in it.
-      rhs = -(block%force(k + 1:k + 2) - limit*direction) &
-         & - (force(2:3) - block%force(k + 1:k + 2) - matmul(rim, force(2:3) - block%force(k + 1:k + 2))) &
-         & + block%friction(j)*direction*(force(1) - block%force(k))
-   end subroutine slip_rows
+   end subroutine violations
 
 end module microslip_contact_block_newton

@@ -7,7 +7,8 @@
 module microslip_contact_matrix_free
    use microslip_contact_closed_system, only: closed_system_t
    use microslip_contact_laws, only: classify, law_residual, state_open, state_stick, state_slip
-   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, gap_of
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, gap_of, &
+      & book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -115,9 +116,11 @@ contains
       real(wp), intent(in) :: q(:)
       type(contact_state_t), intent(inout) :: state
       type(solve_record_t), intent(out) :: record
+      type(contact_state_t) :: before
       type(trial_t) :: stuck, trial
       real(wp) :: scale
 
+      before = state
       if (self%steps_since_refresh >= refresh_after) self%gap = gap_of(problem, state%q, state%force)
       if (self%steps_since_refresh >= refresh_after) self%steps_since_refresh = 0
       self%steps_since_refresh = self%steps_since_refresh + 1
@@ -136,6 +139,7 @@ contains
       self%force_beyond = trial%force - stuck%force
       self%gap_beyond = trial%gap - stuck%gap
       call commit(self, problem, q, trial, state)
+      call book_step(problem, before, state, record)
       if (allocated(self%expected_force)) deallocate (self%expected_force)
       if (allocated(self%expected_closed)) deallocate (self%expected_closed)
    end subroutine advance

@@ -2,7 +2,7 @@
 !> Slow by construction; the condensed solver is measured against it.
 module microslip_contact_plain_jacobi
    use microslip_contact_laws, only: law_residual
-   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
@@ -58,8 +58,10 @@ contains
       real(wp), allocatable :: c(:), force(:), gap(:)
       logical :: forced_open(problem%n_points)
       integer :: p, k
+      type(contact_state_t) :: before
       real(wp) :: scale
 
+      before = state
       c = problem%r_0 + matmul(problem%R, q)
       forced_open = .false.
       do p = 1, problem%n_points
@@ -94,6 +96,7 @@ contains
          end if
       end do
       state%q = q
+      call book_step(problem, before, state, record)
    end subroutine advance
 
 end module microslip_contact_plain_jacobi

@@ -12,7 +12,7 @@ module microslip_contact_problem
    private
 
    public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
-   public :: new_state, gap_of, count_states
+   public :: new_state, gap_of, count_states, contact_energy, book_step
 
    !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
    type :: contact_problem_t
@@ -27,6 +27,8 @@ module microslip_contact_problem
       real(wp), allocatable :: r_0(:)
       !> (points)
       real(wp), allocatable :: friction(:)
+      !> (3 points, outputs) sums of the contact forces that are wanted in every step; none where not allocated
+      real(wp), allocatable :: outputs(:, :)
       !> Normal law on velocity level, closed points only (the paper's option), instead of gap level
       logical :: velocity_level = .false.
    end type contact_problem_t
@@ -57,6 +59,14 @@ module microslip_contact_problem
       integer :: rescues = 0
       !> Points that joined or left the condensed base set
       integer :: set_changes = 0
+      !> Points that are open, stick, slip after the step
+      integer :: counts(3) = 0
+      !> (drivers) R^T force and (outputs) outputs^T force after the step
+      real(wp), allocatable :: reaction(:), output(:)
+      !> 1/2 force^T G force after the step, J
+      real(wp) :: contact_energy = 0.0_wp
+      !> Work that friction took in the step, J: the force at its end on the slip
+      real(wp) :: friction_loss = 0.0_wp
    end type solve_record_t
 
    !> A contact solver: takes the state to a new driver value.
@@ -64,9 +74,12 @@ module microslip_contact_problem
       !> Wanted relative accuracy of the contact forces
       real(wp) :: tolerance = 1.0e-10_wp
       integer :: max_iterations = 100000
+      !> `advance` may leave the forces of sticking points and the gaps of open ones behind, for `complete`
+      logical :: lazy = .false.
    contains
       procedure(start_interface), deferred :: start
       procedure(advance_interface), deferred :: advance
+      procedure :: complete
    end type contact_solver_t
 
    abstract interface
@@ -94,6 +107,13 @@ module microslip_contact_problem
    end interface
 
 contains
+
+   !> Bring all forces and gaps of the state up to its driver. Solvers that are never behind have nothing to do.
+   subroutine complete(self, problem, state)
+      class(contact_solver_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(inout) :: state
+   end subroutine complete
 
    !> The unloaded state: no force, all points open (or just touching), driver zero.
    pure function new_state(problem) result(state)
@@ -132,6 +152,48 @@ contains
       end do
       gap = reshape(work, [3, problem%n_points])
    end function gap_of
+
+   !> 1/2 force^T G force of a state in equilibrium, J (from G force = gap - r_0 - R q on the loaded points).
+   pure real(wp) function contact_energy(problem, state)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      integer :: p, c
+
+      contact_energy = 0.0_wp
+      do p = 1, problem%n_points
+         if (all(state%force(:, p) == 0.0_wp)) cycle
+         do c = 1, 3
+            contact_energy = contact_energy + 0.5_wp*state%force(c, p)*(state%gap(c, p) - problem%r_0(3*p - 3 + c) &
+               & - dot_product(problem%R(3*p - 3 + c, :), state%q))
+         end do
+      end do
+   end function contact_energy
+
+   !> Counts, reaction, outputs and energies of a step between two states that are known in full.
+   subroutine book_step(problem, before, after, record)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: before, after
+      type(solve_record_t), intent(inout) :: record
+      real(wp), allocatable :: gap_before(:, :)
+      real(wp) :: slip(2)
+      integer :: p
+
+      record%counts = count_states(after)
+      record%reaction = matmul(reshape(after%force, [3*problem%n_points]), problem%R)
+      if (allocated(problem%outputs)) record%output = matmul(reshape(after%force, [3*problem%n_points]), problem%outputs)
+      record%contact_energy = contact_energy(problem, after)
+      record%friction_loss = 0.0_wp
+      do p = 1, problem%n_points
+         if (all(after%force(2:3, p) == 0.0_wp)) cycle
+         slip = after%gap(2:3, p) - before%gap(2:3, p)
+         if (before%status(p) == state_open) then
+            ! A solver need not follow the tangential displacement of open points: here it is from the definition.
+            if (.not. allocated(gap_before)) gap_before = gap_of(problem, before%q, before%force)
+            slip = after%gap(2:3, p) - gap_before(2:3, p)
+         end if
+         record%friction_loss = record%friction_loss - dot_product(after%force(2:3, p), slip)
+      end do
+   end subroutine book_step
 
    !> Number of points that are open, stick and slip, (3).
    pure function count_states(state) result(counts)

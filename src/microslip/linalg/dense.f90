@@ -11,7 +11,8 @@ module microslip_linalg_dense
 
    public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
    public :: eigen_symmetric, eigen_generalised
-   public :: product_of, product_symmetric, gram_product, mirror_upper
+   public :: product_of, product_symmetric, add_product, gram_product, mirror_upper
+   public :: factor_single, solve_single
 
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
    !> threads, which takes longer than the product.
@@ -106,6 +107,30 @@ module microslip_linalg_dense
          real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
          real(wp), intent(inout) :: c(ldc, *)
       end subroutine dsymm
+
+      subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
+         import :: wp
+         character(len=1), intent(in) :: trans
+         integer, intent(in) :: m, n, lda, incx, incy
+         real(wp), intent(in) :: alpha, beta, a(lda, *), x(*)
+         real(wp), intent(inout) :: y(*)
+      end subroutine dgemv
+
+      subroutine sgetrf(m, n, a, lda, pivot, info)
+         import :: real32
+         integer, intent(in) :: m, n, lda
+         real(real32), intent(inout) :: a(lda, *)
+         integer, intent(out) :: pivot(*), info
+      end subroutine sgetrf
+
+      subroutine sgetrs(trans, n, nrhs, a, lda, pivot, b, ldb, info)
+         import :: real32
+         character(len=1), intent(in) :: trans
+         integer, intent(in) :: n, nrhs, lda, ldb, pivot(*)
+         real(real32), intent(in) :: a(lda, *)
+         real(real32), intent(inout) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine sgetrs
 
       subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
          import :: wp
@@ -297,6 +322,44 @@ contains
       if (size(y) == 0) return
       call dsymm('L', 'U', size(x, 1), size(x, 2), 1.0_wp, a, size(a, 1), x, size(x, 1), 0.0_wp, y, size(y, 1))
    end subroutine product_symmetric_many
+
+   !> y <- y + A x with the leading m rows and n columns of A.
+   subroutine add_product(m, n, a, x, y)
+      integer, intent(in) :: m, n
+      real(wp), intent(in), contiguous :: a(:, :)
+      !> n values
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> m values (at least)
+      real(wp), intent(inout), contiguous :: y(:, :)
+
+      if (m == 0 .or. n == 0) return
+      call dgemv('N', m, n, 1.0_wp, a, size(a, 1), x, 1, 1.0_wp, y, 1)
+   end subroutine add_product
+
+   !> A = P L U of the leading n rows and columns in single precision, in place.
+   subroutine factor_single(n, a, pivot, singular)
+      integer, intent(in) :: n
+      real(real32), intent(inout), contiguous :: a(:, :)
+      !> (n)
+      integer, intent(out), contiguous :: pivot(:)
+      logical, intent(out) :: singular
+      integer :: info
+
+      info = 0
+      if (n > 0) call sgetrf(n, n, a, size(a, 1), pivot, info)
+      singular = info /= 0
+   end subroutine factor_single
+
+   !> Solve with a factor of `factor_single`; the leading n rows of `b` become the solutions.
+   subroutine solve_single(n, columns, factor, pivot, b)
+      integer, intent(in) :: n, columns
+      real(real32), intent(in), contiguous :: factor(:, :)
+      integer, intent(in), contiguous :: pivot(:)
+      real(real32), intent(inout), contiguous :: b(:, :)
+      integer :: info
+
+      if (n > 0 .and. columns > 0) call sgetrs('N', n, columns, factor, size(factor, 1), pivot, b, size(b, 1), info)
+   end subroutine solve_single
 
    !> C <- factor op(A) op(B) + keep C, with op(X) = X or X^T.
    subroutine product_of(a, b, c, transpose_a, transpose_b, factor, keep)

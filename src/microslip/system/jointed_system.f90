@@ -37,8 +37,8 @@ module microslip_system_jointed_system
       integer :: compliance = compliance_auto
       !> (modes, loads) and (loads, loads)
       real(wp), allocatable :: load_modal(:, :), load_load(:, :)
-      !> (modes, sensors), (3 points, sensors), (loads, sensors): u = modal^T d_i + contact^T lambda + load^T a
-      real(wp), allocatable :: sensor_modal(:, :), sensor_contact(:, :), sensor_load(:, :)
+      !> (modes, sensors) and (loads, sensors): u = modal^T d_i + outputs^T lambda + load^T a, the outputs in `problem`
+      real(wp), allocatable :: sensor_modal(:, :), sensor_load(:, :)
       !> Highest angular frequency with all of the boundary tied, rad/s
       real(wp), private :: omega_max = 0.0_wp
       !> (points) index that each point had before the potential contact set was last changed, 0: it is new
@@ -158,9 +158,9 @@ contains
       if (allocated(self%problem%R)) deallocate (self%problem%R, self%problem%r_0, self%problem%friction)
       if (allocated(self%problem%G)) deallocate (self%problem%G)
       if (allocated(self%problem%compliance)) deallocate (self%problem%compliance)
-      if (allocated(self%sensor_contact)) deallocate (self%sensor_contact)
+      if (allocated(self%problem%outputs)) deallocate (self%problem%outputs)
       allocate (self%problem%R(3*n, self%n_modes + self%n_loads), &
-         & self%sensor_contact(3*n, size(self%sensor_modal, 2)), source=0.0_wp)
+         & self%problem%outputs(3*n, size(self%sensor_modal, 2)), source=0.0_wp)
       allocate (self%problem%r_0(3*n), self%problem%friction(n))
       do k = 1, size(self%pads)
          associate (pad => self%pads(k))
@@ -179,7 +179,7 @@ contains
       call fill_columns(self, -1.0_wp, self%K_bi, self%problem%R(:, :self%n_modes))
       n = self%n_modes + size(self%load_boundary, 2)
       call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:n))
-      call fill_columns(self, 1.0_wp, self%sensor_boundary, self%sensor_contact)
+      call fill_columns(self, 1.0_wp, self%sensor_boundary, self%problem%outputs)
    end subroutine restrict
 
    !> G as an operator.
@@ -294,7 +294,7 @@ contains
       real(wp), intent(in) :: amplitude(:)
       real(wp) :: u(size(self%sensor_modal, 2))
 
-      u = matmul(modal, self%sensor_modal) + matmul(reshape(force, [size(force)]), self%sensor_contact) &
+      u = matmul(modal, self%sensor_modal) + matmul(reshape(force, [size(force)]), self%problem%outputs) &
          & + matmul(amplitude, self%sensor_load)
    end function sensor_values
 

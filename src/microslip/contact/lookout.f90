@@ -1,0 +1,121 @@
+!> Which points need a look: a bound on how far a margin may have shrunk since it was last known.
+!>
+!> A margin is what a sticking point has left to its cone, mu force_n - |force_t|, or the gap of an open point.
+!> In a step it shrinks by no more than
+!>     slope |D^-1 dq|  +  sum over tiles of influence |x_tile|
+!> (Cauchy-Schwarz): D weighs the drivers by how far they move in a step and how much they matter - the bound is
+!> tightest with D^2 = |dq|/|slope|. A tile is a run of base points, x are their gap increments. What the steps have used up is added up; only where it reaches the margin must the point
+!> be looked at. In a stretch without slip that is one multiplication per point.
+module microslip_contact_lookout
+   use microslip_contact_base_set, only: base_set_t
+   use microslip_contact_problem, only: contact_problem_t
+   use microslip_core_kinds, only: wp
+   implicit none(type, external)
+   private
+
+   public :: lookout_t
+
+   !> Base points in a tile.
+   integer, parameter :: tile_size = 16
+
+   !> Watched: the points of the base set, then those outside it.
+   type :: lookout_t
+      !> (watched) margin when last looked at, and what has been used up since; N or m
+      real(wp), allocatable :: margin(:), used(:)
+      !> (drivers) by how much they move in a step, and D
+      real(wp), allocatable, private :: moves(:), weight(:)
+      !> (watched) and (watched, tiles)
+      real(wp), allocatable, private :: slope(:), influence(:, :)
+   contains
+      procedure :: survey
+      procedure :: weigh
+      procedure :: spent
+   end type lookout_t
+
+contains
+
+   !> Bounds for a new base set.
+   subroutine survey(self, problem, base)
+      class(lookout_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(base_set_t), intent(in) :: base
+      integer :: n, m, t, j, k, first, last
+      real(wp) :: squares(3)
+
+      n = size(base%inside)
+      m = size(base%outside)
+      if (allocated(self%margin)) deallocate (self%margin, self%used, self%influence)
+      allocate (self%margin(n + m), self%used(n + m), source=0.0_wp)
+      allocate (self%influence(n + m, (n + tile_size - 1)/tile_size), source=0.0_wp)
+      !$omp parallel do default(none) shared(self, problem, base, n, m) private(first, last, j, k, squares) schedule(static)
+      do t = 1, size(self%influence, 2)
+         first = 3*tile_size*(t - 1) + 1
+         last = min(3*tile_size*t, 3*n)
+         do j = 1, n
+            squares = 0.0_wp
+            do k = first, last
+               squares = squares + base%M(3*j - 2:3*j, k)**2
+            end do
+            self%influence(j, t) = sqrt(squares(2) + squares(3)) + problem%friction(base%inside(j))*sqrt(squares(1))
+         end do
+         do j = 1, m
+            self%influence(n + j, t) = norm2(base%T_t(first:last, j))
+         end do
+      end do
+      !$omp end parallel do
+      if (allocated(self%moves)) call self%weigh(problem, base, self%moves)
+   end subroutine survey
+
+   !> Choose D.
+   subroutine weigh(self, problem, base, moves)
+      class(lookout_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(base_set_t), intent(in) :: base
+      !> (drivers) by how much they move in a step, not all zero
+      real(wp), intent(in) :: moves(:)
+      real(wp) :: size_of(size(moves)), effect(size(moves))
+      integer :: n, m, j
+
+      n = size(base%inside)
+      m = size(base%outside)
+      self%moves = moves
+      size_of = max([(norm2(base%slope(j, :)), j=1, size(moves))], tiny(1.0_wp))
+      effect = moves*size_of
+      ! Drivers that stood still may move: they get a small part.
+      self%weight = sqrt(max(effect, 1.0e-4_wp*maxval(effect)))/size_of
+      if (allocated(self%slope)) deallocate (self%slope)
+      allocate (self%slope(n + m))
+      do j = 1, n
+         self%slope(j) = norm2([norm2(base%slope(:, 3*j - 1)*self%weight), norm2(base%slope(:, 3*j)*self%weight)]) &
+            & + problem%friction(base%inside(j))*norm2(base%slope(:, 3*j - 2)*self%weight)
+      end do
+      do j = 1, m
+         self%slope(n + j) = norm2(base%slope_outside(:, j)*self%weight)
+      end do
+   end subroutine weigh
+
+   !> What a step would have used up in the end, (watched).
+   pure function spent(self, dq, places, x) result(total)
+      class(lookout_t), intent(in) :: self
+      !> (drivers)
+      real(wp), intent(in) :: dq(:)
+      !> Base points that move, and (3, their number) their increments, m
+      integer, intent(in) :: places(:)
+      real(wp), intent(in) :: x(:, :)
+      real(wp) :: total(size(self%used))
+      real(wp) :: squares(size(self%influence, 2))
+      integer :: k, t
+
+      total = self%used + self%slope*norm2(dq/self%weight)
+      if (size(places) == 0) return
+      squares = 0.0_wp
+      do k = 1, size(places)
+         t = (places(k) - 1)/tile_size + 1
+         squares(t) = squares(t) + sum(x(:, k)**2)
+      end do
+      do t = 1, size(squares)
+         if (squares(t) > 0.0_wp) total = total + self%influence(:, t)*sqrt(squares(t))
+      end do
+   end function spent
+
+end module microslip_contact_lookout
