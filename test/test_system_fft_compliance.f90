@@ -6,7 +6,7 @@ module test_system_fft_compliance
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload, static_problem
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_factory, only: contact_options_t
-   use microslip_contact_laws, only: state_open, state_stick, state_slip
+   use microslip_contact_laws, only: state_open
    use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, count_states, gap_of
    use microslip_core_error, only: error_t

@@ -18,6 +18,9 @@ module microslip_contact_matrix_free
 
    !> Newton steps of an attempt, and the most parts that a step is approached in.
    integer, parameter :: newton_steps = 30, most_parts = 16
+   !> Residual over the largest force from which on it is rounding that stops Newton, not cycling, and how far below the
+   !> tolerance it is followed.
+   real(wp), parameter :: near = 1.0e-6_wp, sharpest = 1.0e-5_wp
    !> Most halvings of a Newton step.
    integer, parameter :: most_halvings = 6
    !> Krylov steps of a Newton step.
@@ -130,7 +133,8 @@ contains
       record%converged = trial%residual <= self%tolerance*scale
       if (.not. record%converged) then
          call newton(self, problem, state, q, trial, record)
-         if (.not. record%converged) call approach_in_parts(self, problem, state, q, trial, record)
+         if (.not. record%converged .and. trial%residual > near*force_scale(self, trial)) &
+            & call approach_in_parts(self, problem, state, q, trial, record)
          self%steps_since_refresh = 0
       end if
       scale = force_scale(self, trial)
@@ -284,6 +288,7 @@ contains
          record%converged = trial%residual <= self%tolerance*force_scale(self, trial)
          if (record%converged) return
          if (last <= target) sharpness = 0.1_wp*sharpness
+         if (sharpness < sharpest) return
       end do
    end subroutine newton
 
