@@ -2,8 +2,9 @@
 !>
 !> Stick predictor: with all closed points stuck, forces and gaps follow the drivers, S = -G_AA^-1 R_A and N = R + G S,
 !> solved for once per driver, so that a stuck step is two small products. Where the laws do not hold then: semismooth
-!> Newton (Alart-Curnier) on all points, one Krylov solution of the `closed_system_t` per step. If Newton cycles, the step
-!> is approached in parts, each the start of the next; friction remembers the state before the step all the way.
+!> Newton (Alart-Curnier) on all points, one Krylov solution of the `closed_system_t` per step. If Newton cycles,
+!> the closed set is found with all points held, or the step is approached in parts, each the start of the next; friction
+!> remembers the state before the step all the way.
 module microslip_contact_matrix_free
    use microslip_contact_closed_system, only: closed_system_t
    use microslip_contact_laws, only: classify, law_residual, state_open, state_stick, state_slip
@@ -17,7 +18,9 @@ module microslip_contact_matrix_free
    public :: matrix_free_solver_t
 
    !> Newton steps of an attempt, and the most parts that a step is approached in.
-   integer, parameter :: newton_steps = 30, most_parts = 16
+   integer, parameter :: newton_steps = 60, most_parts = 8
+   !> Steps with an unchanged closed set after which points that were held may slip.
+   integer, parameter :: settled_enough = 3
    !> Residual over the largest force from which on it is rounding that stops Newton, not cycling, and how far below the
    !> tolerance it is followed.
    real(wp), parameter :: near = 1.0e-6_wp, sharpest = 1.0e-5_wp
@@ -26,7 +29,7 @@ module microslip_contact_matrix_free
    !> Krylov steps of a Newton step.
    integer, parameter :: krylov_steps = 100
    !> Relative accuracy of a Newton step while states change and when they do not.
-   real(wp), parameter :: rough = 1.0e-2_wp, fine = 1.0e-4_wp
+   real(wp), parameter :: rough = 1.0e-3_wp, fine = 1.0e-5_wp
    !> Steps after which gaps are computed anew from the forces (rounding).
    integer, parameter :: refresh_after = 100
    !> Largest drag over the local compliance: beyond it a point's friction is as good as known.
@@ -132,9 +135,9 @@ contains
       scale = force_scale(self, trial)
       record%converged = trial%residual <= self%tolerance*scale
       if (.not. record%converged) then
-         call newton(self, problem, state, q, trial, record)
+         call newton(self, problem, state, q, trial, record, hold=allocated(self%expected_closed))
          if (.not. record%converged .and. trial%residual > near*force_scale(self, trial)) &
-            & call approach_in_parts(self, problem, state, q, trial, record)
+            & call rescue(self, problem, state, q, trial, record)
          self%steps_since_refresh = 0
       end if
       scale = force_scale(self, trial)
@@ -254,7 +257,10 @@ contains
    end function force_scale
 
    !> Newton steps from the trial until the laws hold.
-   subroutine newton(self, problem, state, q, trial, record)
+   !>
+   !> With `hold` points stick until the closed set has settled: friction that follows forces which are far off yet leads
+   !> astray. Newton then finds the closed set by full steps, as in frictionless contact.
+   subroutine newton(self, problem, state, q, trial, record, hold)
       class(matrix_free_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       !> Before the step
@@ -262,12 +268,16 @@ contains
       real(wp), intent(in) :: q(:)
       type(trial_t), intent(inout) :: trial
       type(solve_record_t), intent(inout) :: record
+      logical, intent(in) :: hold
       type(trial_t) :: old
       real(wp) :: dx(3, problem%n_points), rhs(3, problem%n_points), first, last, target, sharpness
       integer :: before(problem%n_points)
-      integer :: step, krylov
+      integer :: step, krylov, settled
+      logical :: holding
 
       before = -1
+      holding = hold
+      settled = 0
       ! The Krylov method stops at the 2-norm of an even spread of errors; where they are not even it must go on.
       sharpness = 0.03_wp
       do step = 1, newton_steps
@@ -284,7 +294,16 @@ contains
          trial%force = trial%force + dx
          trial%gap = gap_of(problem, q, trial%force)
          call judge(self, problem, state, trial)
-         call shorten(self, problem, state, old, trial)
+         if (holding) then
+            ! Closed points have no gap by construction: what the Krylov method left of it must not open them.
+            trial%status = merge(state_stick, state_open, merge(trial%force(1, :) > 0.0_wp, trial%status /= state_open, &
+               & self%system%states /= state_open))
+            settled = merge(settled + 1, 0, all(trial%status == before))
+            holding = settled < settled_enough
+            if (.not. holding) call judge(self, problem, state, trial)
+         else
+            call shorten(self, problem, state, old, trial)
+         end if
          record%converged = trial%residual <= self%tolerance*force_scale(self, trial)
          if (record%converged) return
          if (last <= target) sharpness = 0.1_wp*sharpness
@@ -363,8 +382,9 @@ contains
       end do
    end subroutine right_hand_side
 
-   !> The way from the state to q in parts, each the start of the next; twice as many until the last one converges.
-   subroutine approach_in_parts(self, problem, state, q, trial, record)
+   !> Where Newton fails: from the closed set with all points held, then from the state to q in parts, each the start of the
+   !> next; twice as many until the last one converges.
+   subroutine rescue(self, problem, state, q, trial, record)
       class(matrix_free_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
@@ -375,7 +395,7 @@ contains
       real(wp) :: way(size(q))
       integer :: parts, k
 
-      parts = 2
+      parts = 1
       do while (parts <= most_parts)
          record%rescues = record%rescues + 1
          part%force = state%force
@@ -383,13 +403,13 @@ contains
             way = state%q + (real(k, wp)/parts)*(q - state%q)
             part%gap = gap_of(problem, way, part%force)
             call judge(self, problem, state, part)
-            call newton(self, problem, state, way, part, record)
+            call newton(self, problem, state, way, part, record, hold=.true.)
          end do
          if (part%residual < trial%residual) trial = part
          if (record%converged) return
          parts = 2*parts
       end do
-   end subroutine approach_in_parts
+   end subroutine rescue
 
    !> What a further Newton step would change at most, N: twice the preconditioned residual.
    real(wp) function error_of(self, problem, state, trial)
