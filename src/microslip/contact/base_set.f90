@@ -6,11 +6,16 @@
 !>     R_A^T force_A = stiffness q - S^T y                   y = gap_A - r_0,A, stiffness = R_A^T S
 !> with T = G_n,oA M and N = R_n,o + G_n,oA S. S, N and T are kept by point (transposed). Points enter by bordering M with their Schur complement and
 !> leave by the reverse; both keep M symmetric, and after `rebuild_after` changes M is factorised anew.
+!>
+!> Groups (interfaces) are coupled in M by a low rank only: between groups g and h, M_gh = Z_g C_gh Z_h^T with an
+!> orthonormal basis Z_g of what the other groups cause in g. Z_g is found by products with random vectors and
+!> verified; where it does not pay, all points are one group.
 module microslip_contact_base_set
+   use, intrinsic :: iso_fortran_env, only: int64
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: inverse_spd, product_of
+   use microslip_linalg_dense, only: inverse_spd, orthonormalise, product_of
    implicit none(type, external)
    private
 
@@ -18,6 +23,8 @@ module microslip_contact_base_set
 
    !> Changes of the set after which the operators are computed anew.
    integer, parameter :: rebuild_after = 100
+   !> Vectors per group that the coupling is first tried with.
+   integer, parameter :: first_rank = 32
 
    type :: base_set_t
       !> Points of the base set and points outside it
@@ -34,6 +41,11 @@ module microslip_contact_base_set
       real(wp), allocatable :: output_slope(:, :)
       !> (drivers, drivers) R_A^T S and (outputs, drivers) outputs_A^T S
       real(wp), allocatable :: stiffness(:, :), output_stiffness(:, :)
+      !> Number of groups, and (inside) the group of each point
+      integer :: groups = 1
+      integer, allocatable :: group(:)
+      !> (rank, 3 inside) Z^T and (rank groups, rank groups) C, N/m
+      real(wp), allocatable :: basis(:, :), coupling(:, :)
       !> Points that entered or left since the last factorisation
       integer :: changes = 0
    contains
@@ -199,7 +211,95 @@ contains
          self%output_slope = reshape([real(wp) ::], [0, size(S, 1)])
          self%output_stiffness = reshape([real(wp) ::], [0, size(S, 2)])
       end if
+      call update_coupling(self, problem)
    end subroutine update_slopes
+
+   !> Groups of the base points and their coupling.
+   subroutine update_coupling(self, problem)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      integer :: rank, g
+      logical :: found
+
+      if (allocated(problem%group)) then
+         self%group = problem%group(self%inside)
+         self%groups = maxval(problem%group)
+         rank = first_rank
+         do while (self%groups > 1)
+            if (8*rank > 3*minval([(count(self%group == g), g=1, self%groups)])) exit
+            call find_coupling(self, rank, found)
+            if (found) return
+            rank = 2*rank
+         end do
+      end if
+      self%group = spread(1, 1, size(self%inside))
+      self%groups = 1
+      self%basis = reshape([real(wp) ::], [0, 3*size(self%inside)])
+      self%coupling = reshape([real(wp) ::], [0, 0])
+   end subroutine update_coupling
+
+   !> Low-rank coupling with `rank` vectors per group, checked on two vectors that were not used to find it.
+   subroutine find_coupling(self, rank, found)
+      class(base_set_t), intent(inout) :: self
+      integer, intent(in) :: rank
+      logical, intent(out) :: found
+      integer, parameter :: probes = 2
+      real(wp), allocatable :: random(:, :), caused(:, :), Z(:, :), part(:, :), rest(:, :)
+      integer, allocatable :: own(:), others(:)
+      integer :: g, h, k, n
+      real(wp) :: largest
+
+      n = 3*size(self%inside)
+      allocate (random(n, rank + probes))
+      call fill_random(random)
+      if (allocated(self%basis)) deallocate (self%basis)
+      if (allocated(self%coupling)) deallocate (self%coupling)
+      allocate (self%basis(rank, n), self%coupling(rank*self%groups, rank*self%groups), source=0.0_wp)
+      largest = maxval([(self%M(k, k), k=1, n)])
+      found = .true.
+      do g = 1, self%groups
+         own = unknowns(pack([(k, k=1, n/3)], self%group == g))
+         others = unknowns(pack([(k, k=1, n/3)], self%group /= g))
+         part = self%M(own, others)
+         rest = random(others, :)
+         caused = multiply(part, rest)
+         Z = caused(:, :rank)
+         call orthonormalise(Z)
+         rest = transpose(Z)
+         self%basis(:, own) = rest
+         part = caused(:, rank + 1:)
+         part = part - matmul(Z, matmul(rest, part))
+         found = found .and. maxval(abs(part)) <= 1.0e-13_wp*largest*sqrt(real(n, wp))
+      end do
+      if (.not. found) return
+      do g = 1, self%groups
+         own = unknowns(pack([(k, k=1, n/3)], self%group == g))
+         Z = self%basis(:, own)
+         do h = 1, self%groups
+            if (h == g) cycle
+            others = unknowns(pack([(k, k=1, n/3)], self%group == h))
+            part = self%M(own, others)
+            rest = transpose(self%basis(:, others))
+            part = multiply(part, rest)
+            self%coupling((g - 1)*rank + 1:g*rank, (h - 1)*rank + 1:h*rank) = multiply(Z, part)
+         end do
+      end do
+   end subroutine find_coupling
+
+   !> Numbers between -1 and 1 without pattern, the same ones every time.
+   pure subroutine fill_random(values)
+      real(wp), intent(out) :: values(:, :)
+      integer :: i, k
+      integer(int64) :: seed
+
+      seed = 20261122_int64
+      do k = 1, size(values, 2)
+         do i = 1, size(values, 1)
+            seed = mod(seed*16807_int64, 2147483647_int64)
+            values(i, k) = 2.0_wp*real(seed, wp)/2147483647.0_wp - 1.0_wp
+         end do
+      end do
+   end subroutine fill_random
 
    !> Lists of the points inside (as given) and outside (ascending).
    subroutine partition(self, n_points, points)

@@ -6,10 +6,11 @@
 !> side, so that a product reads memory in order: the block grows with the slip zone and is emptied when the motion
 !> turns.
 module microslip_contact_block
+   use, intrinsic :: iso_fortran_env, only: real32
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_laws, only: classify, law_residual, state_open, state_stick
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: add_product
+   use microslip_linalg_dense, only: add_product, add_product_single
    implicit none(type, external)
    private
 
@@ -22,6 +23,10 @@ module microslip_contact_block
       integer, allocatable :: place(:)
       !> (3 rows, 2 columns) and (3 rows, columns) tangential and normal columns of M, N/m
       real(wp), allocatable :: M_t(:, :), M_n(:, :)
+      !> (3 columns, 2 columns) the tangential columns in single precision, for small changes
+      real(real32), allocatable :: M_single(:, :)
+      !> (rank, 3 rows) basis of the coupling to other groups
+      real(wp), allocatable :: basis(:, :)
       !> (drivers, 3 rows)
       real(wp), allocatable :: slope(:, :)
       !> (rows)
@@ -40,6 +45,9 @@ module microslip_contact_block
       logical, allocatable :: forced_open(:)
       !> (columns)
       integer, allocatable :: status(:)
+      !> (columns), (2, columns) m: changes of the increments, for `apply`, and the largest change of a force by it, N
+      real(wp), allocatable :: dx_n(:), dx_t(:, :)
+      real(wp) :: last_change = 0.0_wp
    contains
       procedure :: clear
       procedure :: add_row
@@ -47,6 +55,8 @@ module microslip_contact_block
       procedure :: predict
       procedure :: evaluate
       procedure :: apply
+      procedure :: outgoing
+      procedure :: add_incoming
       procedure :: update_states
       procedure :: residual
    end type contact_block_t
@@ -54,15 +64,17 @@ module microslip_contact_block
 contains
 
    !> No rows, no columns; the memory is kept.
-   subroutine clear(self)
+   subroutine clear(self, base)
       class(contact_block_t), intent(inout) :: self
+      type(base_set_t), intent(in) :: base
       self%rows = 0
       self%columns = 0
       if (.not. allocated(self%place)) then
          allocate (self%place(0), self%friction(0), self%x_n(0), self%stiffness_n(0), &
             & self%stiffness_t(0), self%gap_old(0), self%forced_open(0), self%status(0))
-         allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(0, 0), self%force(3, 0), self%predicted(3, 0), &
-            & self%trial(3, 0), self%change(3, 0), self%x_t(2, 0))
+         allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(size(base%slope, 1), 0), self%force(3, 0), self%predicted(3, 0), &
+            & self%trial(3, 0), self%change(3, 0), self%x_t(2, 0), self%dx_n(0), self%dx_t(2, 0), self%M_single(0, 0), &
+            & self%basis(size(base%basis, 1), 0))
       end if
    end subroutine clear
 
@@ -75,12 +87,13 @@ contains
       real(wp), intent(in) :: friction
       integer :: r, a, k
 
-      if (self%rows == size(self%place)) call make_room_for_rows(self, size(base%slope, 1), 2*self%rows + 16)
+      if (self%rows == size(self%place)) call make_room_for_rows(self, base, 2*self%rows + 16)
       self%rows = self%rows + 1
       r = self%rows
       self%place(r) = place
       self%friction(r) = friction
       self%slope(:, 3*r - 2:3*r) = base%slope(:, 3*place - 2:3*place)
+      self%basis(:, 3*r - 2:3*r) = base%basis(:, 3*place - 2:3*place)
       do a = 1, self%columns
          k = 3*self%place(a)
          self%M_n(3*r - 2:3*r, a) = base%M(3*place - 2:3*place, k - 2)
@@ -107,6 +120,8 @@ contains
          self%M_t(3*r - 2:3*r, 2*a - 1) = base%M(p - 2:p, k - 1)
          self%M_t(3*r - 2:3*r, 2*a) = base%M(p - 2:p, k)
       end do
+      self%M_single(:3*a, 2*a - 1:2*a) = real(self%M_t(:3*a, 2*a - 1:2*a), real32)
+      self%M_single(3*a - 2:3*a, :2*a - 2) = real(self%M_t(3*a - 2:3*a, :2*a - 2), real32)
       self%stiffness_n(a) = base%M(k - 2, k - 2)
       self%stiffness_t(a) = min(base%M(k - 1, k - 1), base%M(k, k))
    end subroutine add_column
@@ -128,6 +143,7 @@ contains
          i = 3*one - 3 + c
          j = 3*other - 3 + c
          self%slope(:, [i, j]) = self%slope(:, [j, i])
+         self%basis(:, [i, j]) = self%basis(:, [j, i])
          self%M_n([i, j], :self%columns) = self%M_n([j, i], :self%columns)
          self%M_t([i, j], :2*self%columns) = self%M_t([j, i], :2*self%columns)
       end do
@@ -147,59 +163,97 @@ contains
       end do
    end subroutine predict
 
-   !> trial = predicted + M x in all rows, or in those of the columns alone.
-   subroutine evaluate(self, columns_only)
+   !> trial = predicted + M x in rows `first` to `last`, without what other groups cause.
+   subroutine evaluate(self, first, last)
       class(contact_block_t), intent(inout) :: self
-      logical, intent(in) :: columns_only
-      integer :: rows
-
-      rows = merge(self%columns, self%rows, columns_only)
-      self%trial(:, :rows) = self%predicted(:, :rows)
-      call add_moves(self, rows, self%x_n(:self%columns), self%x_t(:, :self%columns))
-   end subroutine evaluate
-
-   !> trial = trial + M dx in the rows of the columns.
-   subroutine apply(self, dx_n, dx_t)
-      class(contact_block_t), intent(inout) :: self
-      !> (columns) and (2, columns) m
-      real(wp), intent(in), contiguous :: dx_n(:), dx_t(:, :)
-
-      call add_moves(self, self%columns, dx_n, dx_t)
-   end subroutine apply
-
-   !> trial = trial + M dx in the leading rows.
-   subroutine add_moves(self, rows, dx_n, dx_t)
-      type(contact_block_t), intent(inout) :: self
-      integer, intent(in) :: rows
-      real(wp), intent(in), contiguous :: dx_n(:), dx_t(:, :)
+      integer, intent(in) :: first, last
+      real(wp) :: change(3, max(0, last - first + 1))
       integer :: a, r
 
-      if (self%columns == 0) return
-      call add_product(3*rows, 2*self%columns, self%M_t, dx_t, self%trial)
-      if (4*count(dx_n /= 0.0_wp) > self%columns) then
-         call add_product(3*rows, self%columns, self%M_n, reshape(dx_n, [self%columns, 1]), self%trial)
-         return
-      end if
+      if (last < first) return
+      change = 0.0_wp
+      call add_product(size(change), 2*self%columns, self%M_t(3*first - 2:, :), self%x_t, change)
       do a = 1, self%columns
-         if (dx_n(a) == 0.0_wp) cycle
-         do r = 1, rows
-            self%trial(:, r) = self%trial(:, r) + self%M_n(3*r - 2:3*r, a)*dx_n(a)
+         if (self%x_n(a) == 0.0_wp) cycle
+         do r = first, last
+            change(:, r - first + 1) = change(:, r - first + 1) + self%M_n(3*r - 2:3*r, a)*self%x_n(a)
          end do
       end do
-   end subroutine add_moves
+      self%trial(:, first:last) = self%predicted(:, first:last) + change
+   end subroutine evaluate
 
-   !> States of all columns from their forces and increments.
-   subroutine update_states(self)
+   !> x = x + dx and trial = trial + M dx in the rows of the columns, dx small: tangential part in single precision.
+   subroutine apply(self)
       class(contact_block_t), intent(inout) :: self
+      real(real32) :: change(3, self%columns), dx(2, self%columns)
+      real(wp) :: unit
+      integer :: a, r, n
+
+      n = self%columns
+      self%last_change = 0.0_wp
+      if (n == 0) return
+      unit = max(maxval(abs(self%dx_t(:, :n))), tiny(1.0_wp))
+      dx = real(self%dx_t(:, :n)/unit, real32)
+      change = 0.0_real32
+      call add_product_single(3*n, 2*n, self%M_single, dx, change)
+      self%trial(:, :n) = self%trial(:, :n) + unit*change
+      self%last_change = unit*maxval(abs(change))
+      do a = 1, n
+         if (self%dx_n(a) == 0.0_wp) cycle
+         do r = 1, n
+            self%trial(:, r) = self%trial(:, r) + self%M_n(3*r - 2:3*r, a)*self%dx_n(a)
+         end do
+      end do
+      self%x_n(:n) = self%x_n(:n) + self%dx_n(:n)
+      self%x_t(:, :n) = self%x_t(:, :n) + self%dx_t(:, :n)
+   end subroutine apply
+
+   !> What other groups feel of increments: Z^T x, (rank).
+   pure function outgoing(self, x_n, x_t) result(c)
+      class(contact_block_t), intent(in) :: self
+      !> (columns) and (2, columns) m
+      real(wp), intent(in) :: x_n(:), x_t(:, :)
+      real(wp) :: c(size(self%basis, 1))
       integer :: a
 
+      c = 0.0_wp
       do a = 1, self%columns
+         c = c + self%basis(:, 3*a - 1)*x_t(1, a) + self%basis(:, 3*a)*x_t(2, a)
+         if (x_n(a) /= 0.0_wp) c = c + self%basis(:, 3*a - 2)*x_n(a)
+      end do
+   end function outgoing
+
+   !> trial = trial + Z incoming in rows `first` to `last`.
+   pure subroutine add_incoming(self, incoming, first, last)
+      class(contact_block_t), intent(inout) :: self
+      !> (rank) N
+      real(wp), intent(in) :: incoming(:)
+      integer, intent(in) :: first, last
+      integer :: r, c
+
+      do r = first, last
+         do c = 1, 3
+            self%trial(c, r) = self%trial(c, r) + dot_product(self%basis(:, 3*r - 3 + c), incoming)
+         end do
+      end do
+   end subroutine add_incoming
+
+   !> States of all columns from their forces and increments.
+   subroutine update_states(self, changed)
+      class(contact_block_t), intent(inout) :: self
+      !> Becomes true where a state changes
+      logical, intent(inout) :: changed
+      integer :: a, before
+
+      do a = 1, self%columns
+         before = self%status(a)
          if (self%forced_open(a)) then
             self%status(a) = state_open
          else
             self%status(a) = classify(self%trial(:, a), self%gap_old(a) + self%x_n(a), self%x_t(:, a), &
                & self%stiffness_n(a), self%stiffness_t(a), self%friction(a))
          end if
+         changed = changed .or. self%status(a) /= before
       end do
    end subroutine update_states
 
@@ -220,16 +274,18 @@ contains
    end function residual
 
    !> Larger arrays for the rows.
-   subroutine make_room_for_rows(self, drivers, room)
+   subroutine make_room_for_rows(self, base, room)
       type(contact_block_t), intent(inout) :: self
-      integer, intent(in) :: drivers, room
+      type(base_set_t), intent(in) :: base
+      integer, intent(in) :: room
       integer :: n, m
 
       n = self%rows
       m = self%columns
       self%place = [self%place(:n), spread(0, 1, room - n)]
       self%friction = [self%friction(:n), spread(0.0_wp, 1, room - n)]
-      call widen(self%slope, drivers, 3*n, drivers, 3*room)
+      call widen(self%slope, size(base%slope, 1), 3*n, size(base%slope, 1), 3*room)
+      call widen(self%basis, size(base%basis, 1), 3*n, size(base%basis, 1), 3*room)
       call widen(self%force, 3, n, 3, room)
       call widen(self%predicted, 3, n, 3, room)
       call widen(self%trial, 3, n, 3, room)
@@ -242,6 +298,7 @@ contains
    subroutine make_room_for_columns(self, room)
       type(contact_block_t), intent(inout) :: self
       integer, intent(in) :: room
+      real(real32), allocatable :: single(:, :)
       integer :: n, m
 
       n = size(self%M_t, 1)
@@ -252,9 +309,14 @@ contains
       self%gap_old = [self%gap_old(:m), spread(0.0_wp, 1, room - m)]
       self%forced_open = [self%forced_open(:m), spread(.false., 1, room - m)]
       self%status = [self%status(:m), spread(state_stick, 1, room - m)]
+      self%dx_n = self%x_n
       call widen(self%x_t, 2, m, 2, room)
+      call widen(self%dx_t, 2, m, 2, room)
       call widen(self%M_t, 3*self%rows, 2*m, n, 2*room)
       call widen(self%M_n, 3*self%rows, m, n, room)
+      allocate (single(3*room, 2*room))
+      if (m > 0) single(:3*m, :2*m) = self%M_single(:3*m, :2*m)
+      call move_alloc(single, self%M_single)
    end subroutine make_room_for_columns
 
    !> Reallocate, keeping the leading part.

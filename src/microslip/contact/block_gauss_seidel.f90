@@ -4,6 +4,7 @@
 !> fixed. Slower than Newton and far more robust; used to give Newton a better start.
 module microslip_contact_block_gauss_seidel
    use microslip_contact_block, only: contact_block_t
+   use microslip_contact_coupled_blocks, only: evaluate_columns, largest_residual
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -14,39 +15,51 @@ module microslip_contact_block_gauss_seidel
 contains
 
    !> Sweep over all points until the residual is below the limit.
-   subroutine sweep_gauss_seidel(block, limit, max_sweeps, sweeps, residual)
-      type(contact_block_t), intent(inout) :: block
+   subroutine sweep_gauss_seidel(blocks, coupling, limit, max_sweeps, sweeps, residual)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      !> C of the base set, N/m
+      real(wp), intent(in) :: coupling(:, :)
       !> Residual to stop at, N
       real(wp), intent(in) :: limit
       integer, intent(in) :: max_sweeps
       integer, intent(out) :: sweeps
       !> Largest violation of the laws, N
       real(wp), intent(out) :: residual
-      real(wp) :: own(3, 3), others(3), x(3), old(3), dx(3)
-      integer :: a, p
+      integer :: g
 
-      call block%evaluate(columns_only=.true.)
-      residual = block%residual()
+      call evaluate_columns(blocks, coupling)
       do sweeps = 1, max_sweeps
-         do a = 1, block%columns
-            own(:, 1) = block%M_n(3*a - 2:3*a, a)
-            own(:, 2:3) = block%M_t(3*a - 2:3*a, 2*a - 1:2*a)
-            old = [block%x_n(a), block%x_t(:, a)]
-            others = block%trial(:, a) - matmul(own, old)
-            call solve_point(own, others, block%gap_old(a), block%friction(a), block%forced_open(a), x, block%status(a))
-            dx = x - old
-            block%x_n(a) = x(1)
-            block%x_t(:, a) = x(2:3)
-            do p = 1, block%columns
-               block%trial(:, p) = block%trial(:, p) + block%M_n(3*p - 2:3*p, a)*dx(1) &
-                  & + block%M_t(3*p - 2:3*p, 2*a - 1)*dx(2) + block%M_t(3*p - 2:3*p, 2*a)*dx(3)
-            end do
+         do g = 1, size(blocks)
+            call sweep_block(blocks(g))
          end do
-         residual = block%residual()
+         call evaluate_columns(blocks, coupling)
+         residual = largest_residual(blocks)
          if (residual <= limit) exit
       end do
       sweeps = min(sweeps, max_sweeps)
    end subroutine sweep_gauss_seidel
+
+   !> One sweep over a block, with what other groups cause held.
+   subroutine sweep_block(block)
+      type(contact_block_t), intent(inout) :: block
+      real(wp) :: own(3, 3), others(3), x(3), old(3), dx(3)
+      integer :: a, p
+
+      do a = 1, block%columns
+         own(:, 1) = block%M_n(3*a - 2:3*a, a)
+         own(:, 2:3) = block%M_t(3*a - 2:3*a, 2*a - 1:2*a)
+         old = [block%x_n(a), block%x_t(:, a)]
+         others = block%trial(:, a) - matmul(own, old)
+         call solve_point(own, others, block%gap_old(a), block%friction(a), block%forced_open(a), x, block%status(a))
+         dx = x - old
+         block%x_n(a) = x(1)
+         block%x_t(:, a) = x(2:3)
+         do p = 1, block%columns
+            block%trial(:, p) = block%trial(:, p) + block%M_n(3*p - 2:3*p, a)*dx(1) &
+               & + block%M_t(3*p - 2:3*p, 2*a - 1)*dx(2) + block%M_t(3*p - 2:3*p, 2*a)*dx(3)
+         end do
+      end do
+   end subroutine sweep_block
 
    !> One point alone: force = others + own x obeying the contact laws.
    pure subroutine solve_point(own, others, gap_old, friction, forced_open, x, status)

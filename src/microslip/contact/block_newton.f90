@@ -1,10 +1,13 @@
-!> Semismooth Newton (Alart-Curnier) on the moving points, in gap increments, with a kept factor.
+!> Semismooth Newton (Alart-Curnier) on the moving points, in gap increments, with kept factors.
 !>
 !> Open points carry three unknowns (force = 0), slipping points two (x_n = -gap_old is known), sticking points
-!> none. The Jacobian is factorised rarely (`kept_factor`): the residual is evaluated exactly in every step, so a
-!> stale factor costs steps, not accuracy. It may cycle, which the caller detects by the residual.
+!> none. The Jacobian is factorised rarely, and for every group alone (`kept_factor`): the residual is evaluated
+!> exactly, so what the factors miss costs steps, not accuracy. Most steps move the forces by products in single
+!> precision; they are computed anew in double precision before the last ones. The iteration may cycle, which the
+!> caller detects by the residual.
 module microslip_contact_block_newton
    use microslip_contact_block, only: contact_block_t
+   use microslip_contact_coupled_blocks, only: apply_changes, count_columns, evaluate_columns, largest_residual
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_open, state_slip
    use microslip_core_kinds, only: wp
@@ -13,15 +16,18 @@ module microslip_contact_block_newton
 
    public :: solve_newton
 
-   !> A step must bring the residual down to this part, or the factor is renewed.
+   !> A step that leaves more than this part of the residual is slow; after so many the factors are renewed.
    real(wp), parameter :: slow = 0.3_wp
    integer, parameter :: patience = 3
    integer, parameter :: max_secants = 10
+   !> Below this part of the largest force the residual is from forces in double precision, but for changes smaller than
+   !> the second part.
+   real(wp), parameter :: exact_below = 1.0e-6_wp, small_change = 1.0e-5_wp
 
-   !> Steps taken with the same states and factor.
+   !> Steps taken with the same states and factors.
    type :: secants_t
       integer :: count = 0
-      !> (3, columns, steps) m, and their squared lengths
+      !> (3, columns of all groups, steps) m, and their squared lengths
       real(wp), allocatable :: step(:, :, :)
       real(wp) :: square(max_secants) = 0.0_wp
    end type secants_t
@@ -30,13 +36,16 @@ contains
 
    !> Newton steps until the residual is below the limit or `max_steps` are used up.
    !>
-   !> Start value: the block's increments and trial forces. Exit: residual <= limit (converged), or
-   !> steps = max_steps, or a singular matrix.
-   subroutine solve_newton(block, kept, limit, max_steps, steps, residual, force_error)
-      type(contact_block_t), intent(inout) :: block
-      type(kept_factor_t), intent(inout) :: kept
-      !> Residual to stop at, N
-      real(wp), intent(in) :: limit
+   !> Start value: the blocks' increments. Exit: residual <= limit (converged; the trial forces of the columns are
+   !> exact), or steps = max_steps, or a singular matrix.
+   subroutine solve_newton(blocks, kept, coupling, scale, limit, max_steps, steps, residual, force_error)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      !> (groups)
+      type(kept_factor_t), intent(inout) :: kept(:)
+      !> C of the base set, N/m
+      real(wp), intent(in) :: coupling(:, :)
+      !> Largest contact force and residual to stop at, N
+      real(wp), intent(in) :: scale, limit
       integer, intent(in) :: max_steps
       integer, intent(out) :: steps
       !> Largest violation of the laws, N
@@ -44,56 +53,101 @@ contains
       !> Estimated error of the forces, N: what a further step would change, by the largest ratio of change to
       !> residual of the steps taken
       real(wp), intent(out) :: force_error
-      real(wp) :: dx_n(block%columns), dx_t(2, block%columns), violation(3, block%columns), before(3, block%columns)
-      integer :: status_before(block%columns)
       type(secants_t) :: secants
-      real(wp) :: amplification, previous
-      logical :: singular
+      real(wp) :: amplification, previous, change
+      logical :: singular, exact, new_states
+      integer :: g
 
+      call start_single(blocks, coupling)
+      exact = .false.
       amplification = 1.0_wp
       previous = huge(1.0_wp)
-      status_before = -1
+      singular = .false.
       do steps = 0, max_steps
-         call block%update_states()
-         residual = block%residual()
-         if (residual <= limit .or. steps == max_steps) exit
-         before = block%trial(:, :block%columns)
-         call prescribe(block, dx_n, dx_t)
-         call kept%linearise(block)
-         if (any(status_before /= block%status(:block%columns))) then
-            secants%count = 0
-            call kept%follow(block, singular)
-         else if (residual > slow*previous .and. steps > patience) then
-            secants%count = 0
-            call kept%rebuild(block, singular)
-         else
-            singular = .false.
+         new_states = steps == 0
+         do g = 1, size(blocks)
+            call blocks(g)%update_states(new_states)
+         end do
+         residual = largest_residual(blocks)
+         if (.not. exact .and. (residual <= max(limit, exact_below*scale) .or. steps == max_steps)) then
+            call evaluate_columns(blocks, coupling)
+            exact = .true.
+            do g = 1, size(blocks)
+               call blocks(g)%update_states(new_states)
+            end do
+            residual = largest_residual(blocks)
          end if
+         if (residual <= limit .or. steps == max_steps) exit
+         if (prescribe(blocks)) then
+            call apply_changes(blocks, coupling)
+            exact = exact .and. largest_change(blocks) <= small_change*scale
+         end if
+         if (new_states .or. (residual > slow*previous .and. steps > patience)) secants%count = 0
+         do g = 1, size(blocks)
+            call kept(g)%linearise(blocks(g))
+            if (new_states) then
+               call kept(g)%follow(blocks(g), singular)
+            else if (residual > slow*previous .and. steps > patience) then
+               call kept(g)%rebuild(blocks(g), singular)
+            end if
+            if (singular) exit
+            call kept(g)%solve(violations(blocks(g)), blocks(g)%dx_n(:blocks(g)%columns), blocks(g)%dx_t(:, :blocks(g)%columns))
+         end do
          if (singular) exit
-         call violations(block, violation)
-         call kept%solve(violation, dx_n, dx_t)
-         call correct_by_secants(secants, dx_n, dx_t)
-         block%x_n(:block%columns) = block%x_n(:block%columns) + dx_n
-         block%x_t(:, :block%columns) = block%x_t(:, :block%columns) + dx_t
-         call block%apply(dx_n, dx_t)
-         amplification = max(amplification, maxval(abs(block%trial(:, :block%columns) - before))/residual)
+         call correct_by_secants(secants, blocks)
+         call apply_changes(blocks, coupling)
+         change = largest_change(blocks)
+         exact = exact .and. change <= small_change*scale
+         amplification = max(amplification, change/residual)
          previous = residual
-         status_before = block%status(:block%columns)
       end do
       force_error = amplification*residual
    end subroutine solve_newton
 
-   !> Broyden's correction of a step of the kept factor by the steps taken before it (C. T. Kelley, Iterative methods
-   !> for linear and nonlinear equations, 1995, algorithm brsol): a stale factor learns what it misses.
-   subroutine correct_by_secants(secants, dx_n, dx_t)
-      type(secants_t), intent(inout) :: secants
-      !> (columns) and (2, columns) step of the factor in, corrected step out, m
-      real(wp), intent(inout) :: dx_n(:), dx_t(:, :)
-      real(wp) :: step(3, size(dx_n)), share
-      integer :: k
+   !> Largest change of a force by the last `apply_changes`, N.
+   pure real(wp) function largest_change(blocks)
+      type(contact_block_t), intent(in) :: blocks(:)
+      integer :: g
 
-      step(1, :) = dx_n
-      step(2:3, :) = dx_t
+      largest_change = 0.0_wp
+      do g = 1, size(blocks)
+         largest_change = max(largest_change, blocks(g)%last_change)
+      end do
+   end function largest_change
+
+   !> Trial forces of the start values in single precision.
+   subroutine start_single(blocks, coupling)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      real(wp), intent(in) :: coupling(:, :)
+      integer :: g, n
+
+      do g = 1, size(blocks)
+         n = blocks(g)%columns
+         blocks(g)%dx_n(:n) = blocks(g)%x_n(:n)
+         blocks(g)%dx_t(:, :n) = blocks(g)%x_t(:, :n)
+         blocks(g)%x_n(:n) = 0.0_wp
+         blocks(g)%x_t(:, :n) = 0.0_wp
+         blocks(g)%trial(:, :n) = blocks(g)%predicted(:, :n)
+      end do
+      call apply_changes(blocks, coupling)
+   end subroutine start_single
+
+   !> Broyden's correction of a step of the kept factors by the steps taken before it (C. T. Kelley, Iterative methods
+   !> for linear and nonlinear equations, 1995, algorithm brsol): stale factors learn what they miss.
+   subroutine correct_by_secants(secants, blocks)
+      type(secants_t), intent(inout) :: secants
+      !> Their changes: step of the factors in, corrected step out
+      type(contact_block_t), intent(inout) :: blocks(:)
+      real(wp) :: step(3, count_columns(blocks)), share
+      integer :: k, g, first, n
+
+      first = 0
+      do g = 1, size(blocks)
+         n = blocks(g)%columns
+         step(1, first + 1:first + n) = blocks(g)%dx_n(:n)
+         step(2:3, first + 1:first + n) = blocks(g)%dx_t(:, :n)
+         first = first + n
+      end do
       do k = 1, secants%count - 1
          step = step + secants%step(:, :, k + 1)*(sum(secants%step(:, :, k)*step)/secants%square(k))
       end do
@@ -104,39 +158,45 @@ contains
          if (share >= 0.5_wp .or. k == max_secants) secants%count = 0
       end if
       if (sum(step**2) == 0.0_wp) return
-      if (.not. allocated(secants%step)) allocate (secants%step(3, size(dx_n), max_secants))
+      if (.not. allocated(secants%step)) allocate (secants%step(3, size(step, 2), max_secants))
       secants%count = secants%count + 1
       secants%step(:, :, secants%count) = step
       secants%square(secants%count) = sum(step**2)
-      dx_n = step(1, :)
-      dx_t = step(2:3, :)
+      first = 0
+      do g = 1, size(blocks)
+         n = blocks(g)%columns
+         blocks(g)%dx_n(:n) = step(1, first + 1:first + n)
+         blocks(g)%dx_t(:, :n) = step(2:3, first + 1:first + n)
+         first = first + n
+      end do
    end subroutine correct_by_secants
 
-   !> What the states prescribe: closed points have no gap, sticking points no slip.
-   subroutine prescribe(block, dx_n, dx_t)
-      type(contact_block_t), intent(inout) :: block
-      !> (columns) and (2, columns) work space
-      real(wp), intent(out) :: dx_n(:), dx_t(:, :)
-      integer :: a
+   !> Changes that the states prescribe: closed points have no gap, sticking points no slip. False where there are none.
+   logical function prescribe(blocks)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      integer :: a, g
 
-      dx_n = 0.0_wp
-      dx_t = 0.0_wp
-      do a = 1, block%columns
-         if (block%status(a) == state_open) cycle
-         dx_n(a) = -block%gap_old(a) - block%x_n(a)
-         if (block%status(a) /= state_slip) dx_t(:, a) = -block%x_t(:, a)
+      prescribe = .false.
+      do g = 1, size(blocks)
+         associate (block => blocks(g))
+            block%dx_n(:block%columns) = 0.0_wp
+            block%dx_t(:, :block%columns) = 0.0_wp
+            do a = 1, block%columns
+               if (block%status(a) == state_open) cycle
+               block%dx_n(a) = -block%gap_old(a) - block%x_n(a)
+               if (block%status(a) /= state_slip) block%dx_t(:, a) = -block%x_t(:, a)
+            end do
+            prescribe = prescribe .or. any(block%dx_n(:block%columns) /= 0.0_wp) &
+               & .or. any(block%dx_t(:, :block%columns) /= 0.0_wp)
+         end associate
       end do
-      if (all(dx_n == 0.0_wp) .and. all(dx_t == 0.0_wp)) return
-      block%x_n(:block%columns) = block%x_n(:block%columns) + dx_n
-      block%x_t(:, :block%columns) = block%x_t(:, :block%columns) + dx_t
-      call block%apply(dx_n, dx_t)
-   end subroutine prescribe
+   end function prescribe
 
-   !> What the laws miss in the unknowns of the present states: open force = 0, slipping force_t = mu force_n direction.
-   subroutine violations(block, violation)
+   !> What the laws miss in the unknowns of the present states, (3, columns), N: open force = 0, slipping
+   !> force_t = mu force_n direction.
+   pure function violations(block) result(violation)
       type(contact_block_t), intent(in) :: block
-      !> (3, columns) N
-      real(wp), intent(out) :: violation(:, :)
+      real(wp) :: violation(3, block%columns)
       real(wp) :: w(2)
       integer :: a
 
@@ -150,6 +210,6 @@ contains
                & - w*(block%friction(a)*max(0.0_wp, block%trial(1, a))/max(norm2(w), tiny(1.0_wp)))
          end if
       end do
-   end subroutine violations
+   end function violations
 
 end module microslip_contact_block_newton

@@ -29,7 +29,8 @@ module microslip_contact_lookout
    contains
       procedure :: survey
       procedure :: weigh
-      procedure :: spent
+      procedure :: spend_drivers
+      procedure :: spend_moves
    end type lookout_t
 
 contains
@@ -79,10 +80,11 @@ contains
       n = size(base%inside)
       m = size(base%outside)
       self%moves = moves
-      size_of = max([(norm2(base%slope(j, :)), j=1, size(moves))], tiny(1.0_wp))
+      size_of = [(norm2(base%slope(j, :)), j=1, size(moves))]
       effect = moves*size_of
-      ! Drivers that stood still may move: they get a small part.
-      self%weight = sqrt(max(effect, 1.0e-4_wp*maxval(effect)))/size_of
+      ! Drivers that stood still may move: they get a small part. Those without any effect get what they like.
+      self%weight = spread(1.0_wp, 1, size(moves))
+      where (size_of > 0.0_wp) self%weight = sqrt(max(effect, 1.0e-4_wp*maxval(effect), tiny(1.0_wp)))/size_of
       if (allocated(self%slope)) deallocate (self%slope)
       allocate (self%slope(n + m))
       do j = 1, n
@@ -94,28 +96,38 @@ contains
       end do
    end subroutine weigh
 
-   !> What a step would have used up in the end, (watched).
-   pure function spent(self, dq, places, x) result(total)
+   !> Add what a change of the drivers uses up.
+   pure subroutine spend_drivers(self, dq, spent)
       class(lookout_t), intent(in) :: self
       !> (drivers)
       real(wp), intent(in) :: dq(:)
-      !> Base points that move, and (3, their number) their increments, m
+      !> (watched)
+      real(wp), intent(inout) :: spent(:)
+
+      spent = spent + self%slope*norm2(dq/self%weight)
+   end subroutine spend_drivers
+
+   !> Add what base points that move use up.
+   pure subroutine spend_moves(self, places, x_n, x_t, spent)
+      class(lookout_t), intent(in) :: self
+      !> Base points that move
       integer, intent(in) :: places(:)
-      real(wp), intent(in) :: x(:, :)
-      real(wp) :: total(size(self%used))
+      !> Their increments (normal; 2, tangential), m; there may be more of them than places
+      real(wp), intent(in) :: x_n(:), x_t(:, :)
+      !> (watched)
+      real(wp), intent(inout) :: spent(:)
       real(wp) :: squares(size(self%influence, 2))
       integer :: k, t
 
-      total = self%used + self%slope*norm2(dq/self%weight)
       if (size(places) == 0) return
       squares = 0.0_wp
       do k = 1, size(places)
          t = (places(k) - 1)/tile_size + 1
-         squares(t) = squares(t) + sum(x(:, k)**2)
+         squares(t) = squares(t) + x_n(k)**2 + sum(x_t(:, k)**2)
       end do
       do t = 1, size(squares)
-         if (squares(t) > 0.0_wp) total = total + self%influence(:, t)*sqrt(squares(t))
+         if (squares(t) > 0.0_wp) spent = spent + self%influence(:, t)*sqrt(squares(t))
       end do
-   end function spent
+   end subroutine spend_moves
 
 end module microslip_contact_lookout

@@ -27,6 +27,9 @@ module microslip_contact_problem
       real(wp), allocatable :: r_0(:)
       !> (points)
       real(wp), allocatable :: friction(:)
+      !> (points) points of one interface have the same number, counted from 1; one group where not allocated.
+      !> Groups are coupled through the structure alone, smoothly: solvers may make use of that.
+      integer, allocatable :: group(:)
       !> (3 points, outputs) sums of the contact forces that are wanted in every step; none where not allocated
       real(wp), allocatable :: outputs(:, :)
       !> Normal law on velocity level, closed points only (the paper's option), instead of gap level

@@ -12,7 +12,7 @@ module microslip_linalg_dense
    public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
    public :: eigen_symmetric, eigen_generalised
    public :: product_of, product_symmetric, add_product, gram_product, mirror_upper
-   public :: factor_single, solve_single
+   public :: factor_single, solve_single, add_product_single, orthonormalise
 
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
    !> threads, which takes longer than the product.
@@ -108,13 +108,22 @@ module microslip_linalg_dense
          real(wp), intent(inout) :: c(ldc, *)
       end subroutine dsymm
 
-      subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
+      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
          import :: wp
-         character(len=1), intent(in) :: trans
-         integer, intent(in) :: m, n, lda, incx, incy
-         real(wp), intent(in) :: alpha, beta, a(lda, *), x(*)
-         real(wp), intent(inout) :: y(*)
-      end subroutine dgemv
+         integer, intent(in) :: m, n, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: tau(*), work(*)
+         integer, intent(out) :: info
+      end subroutine dgeqrf
+
+      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, k, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: tau(*)
+         real(wp), intent(out) :: work(*)
+         integer, intent(out) :: info
+      end subroutine dorgqr
 
       subroutine sgetrf(m, n, a, lda, pivot, info)
          import :: real32
@@ -323,18 +332,70 @@ contains
       call dsymm('L', 'U', size(x, 1), size(x, 2), 1.0_wp, a, size(a, 1), x, size(x, 1), 0.0_wp, y, size(y, 1))
    end subroutine product_symmetric_many
 
-   !> y <- y + A x with the leading m rows and n columns of A.
+   !> y <- y + A x with the leading m rows and n columns of A. Written out, not BLAS: it is called by threads of its own,
+   !> and a product that is bound by memory gains nothing from a kernel.
    subroutine add_product(m, n, a, x, y)
       integer, intent(in) :: m, n
-      real(wp), intent(in), contiguous :: a(:, :)
+      real(wp), intent(in) :: a(:, :)
       !> n values
-      real(wp), intent(in), contiguous :: x(:, :)
+      real(wp), intent(in) :: x(*)
       !> m values (at least)
-      real(wp), intent(inout), contiguous :: y(:, :)
+      real(wp), intent(inout) :: y(*)
+      integer :: i, j
 
-      if (m == 0 .or. n == 0) return
-      call dgemv('N', m, n, 1.0_wp, a, size(a, 1), x, 1, 1.0_wp, y, 1)
+      do j = 1, n - 3, 4
+         !$omp simd
+         do i = 1, m
+            y(i) = y(i) + a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)
+         end do
+      end do
+      do j = n - mod(n, 4) + 1, n
+         y(:m) = y(:m) + a(:m, j)*x(j)
+      end do
    end subroutine add_product
+
+   !> The same in single precision.
+   subroutine add_product_single(m, n, a, x, y)
+      integer, intent(in) :: m, n
+      real(real32), intent(in), contiguous :: a(:, :)
+      !> n values
+      real(real32), intent(in) :: x(*)
+      !> m values (at least)
+      real(real32), intent(inout) :: y(*)
+      integer :: i, j
+
+      do j = 1, n - 3, 4
+         !$omp simd
+         do i = 1, m
+            y(i) = y(i) + a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)
+         end do
+      end do
+      do j = n - mod(n, 4) + 1, n
+         y(:m) = y(:m) + a(:m, j)*x(j)
+      end do
+   end subroutine add_product_single
+
+   !> The columns of A become an orthonormal basis of what they span (Householder; rows >= columns).
+   subroutine orthonormalise(a)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      real(wp), allocatable :: tau(:), work(:)
+      real(wp) :: room(1)
+      integer :: m, n, info
+
+      m = size(a, 1)
+      n = size(a, 2)
+      if (n == 0) return
+      allocate (tau(n))
+      call dgeqrf(m, n, a, m, tau, room, -1, info)
+      allocate (work(int(room(1))))
+      call dgeqrf(m, n, a, m, tau, work, size(work), info)
+      call dorgqr(m, n, n, a, m, tau, room, -1, info)
+      if (size(work) < int(room(1))) then
+         deallocate (work)
+         allocate (work(int(room(1))))
+      end if
+      call dorgqr(m, n, n, a, m, tau, work, size(work), info)
+   end subroutine orthonormalise
 
    !> A = P L U of the leading n rows and columns in single precision, in place.
    subroutine factor_single(n, a, pivot, singular)

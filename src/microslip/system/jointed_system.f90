@@ -155,17 +155,19 @@ contains
       end do
       self%previous_index = pack(was, potential)
       self%problem%n_points = n
-      if (allocated(self%problem%R)) deallocate (self%problem%R, self%problem%r_0, self%problem%friction)
+      if (allocated(self%problem%R)) deallocate (self%problem%R, self%problem%r_0, self%problem%friction, &
+         & self%problem%group)
       if (allocated(self%problem%G)) deallocate (self%problem%G)
       if (allocated(self%problem%compliance)) deallocate (self%problem%compliance)
       if (allocated(self%problem%outputs)) deallocate (self%problem%outputs)
       allocate (self%problem%R(3*n, self%n_modes + self%n_loads), &
          & self%problem%outputs(3*n, size(self%sensor_modal, 2)), source=0.0_wp)
-      allocate (self%problem%r_0(3*n), self%problem%friction(n))
+      allocate (self%problem%r_0(3*n), self%problem%friction(n), self%problem%group(n))
       do k = 1, size(self%pads)
          associate (pad => self%pads(k))
             rows = pad%point_offset
             self%problem%friction(rows + 1:rows + size(pad%potential)) = pad%friction
+            self%problem%group(rows + 1:rows + size(pad%potential)) = k
             do p = 1, size(pad%potential)
                self%problem%r_0(3*(rows + p) - 2:3*(rows + p)) = [-pad%height(pad%potential(p)), 0.0_wp, 0.0_wp]
             end do

@@ -1,0 +1,197 @@
+!> The state that the condensed solver counts from: forces and gaps of all points follow from it and from the few
+!> gap increments since.
+!>
+!>     force = force_ref + S (q - q_ref) + M moved,     gap outside = gap_ref + N (q - q_ref) + T moved
+!> What a step must know of all points follows from sums over those that moved. With y = gap - r_0 on the base set:
+!>     R^T force       = stiffness q - h,                    h = S^T y
+!>     force^T G force = c + 2 q^T h - q^T stiffness q,      c = y^T M y
+module microslip_contact_reference
+   use microslip_contact_base_set, only: base_set_t
+   use microslip_contact_block, only: contact_block_t
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t
+   use microslip_core_kinds, only: wp
+   use microslip_linalg_dense, only: product_symmetric
+   implicit none(type, external)
+   private
+
+   public :: reference_t, moves_t
+
+   type :: reference_t
+      !> (3, inside) N and (outside) m
+      real(wp), allocatable :: force(:, :), gap(:)
+      !> (drivers)
+      real(wp), allocatable :: q(:)
+      !> (3, inside) gap increments since, m
+      real(wp), allocatable :: moved(:, :)
+      !> (inside)
+      logical, allocatable :: has_moved(:)
+      !> h for drivers and outputs, and c
+      real(wp), allocatable, private :: h(:), h_output(:)
+      real(wp), private :: c = 0.0_wp
+   contains
+      procedure :: take
+      procedure :: moves
+      procedure :: force_of
+      procedure :: gap_outside
+      procedure :: everywhere
+      procedure :: add
+      procedure :: report
+   end type reference_t
+
+   !> The base points that moved since the reference, and by how much.
+   type :: moves_t
+      integer, allocatable :: place(:)
+      !> (3, moved) m
+      real(wp), allocatable :: x(:, :)
+   end type moves_t
+
+contains
+
+   !> Count from this state, from the definition: force = M (gap - r_0 - R q).
+   subroutine take(self, problem, base, state)
+      class(reference_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(base_set_t), intent(in) :: base
+      !> Its gaps in the base set must be up to its driver
+      type(contact_state_t), intent(in) :: state
+      real(wp), allocatable :: y(:), My(:), force(:)
+      integer :: j, p, n
+
+      n = size(base%inside)
+      allocate (y(3*n), My(3*n))
+      do j = 1, n
+         p = base%inside(j)
+         y(3*j - 2:3*j) = state%gap(:, p) - problem%r_0(3*p - 2:3*p)
+      end do
+      call product_symmetric(base%M, y, My)
+      force = matmul(state%q, base%slope)
+      self%force = reshape(force + My, [3, n])
+      self%gap = problem%r_0(3*base%outside - 2) + matmul(state%q, base%slope_outside)
+      self%gap = self%gap + matmul(y, base%T_t)
+      self%q = state%q
+      self%h = matmul(base%slope, y)
+      self%h_output = matmul(base%output_slope, y)
+      self%c = dot_product(y, My)
+      if (allocated(self%moved)) deallocate (self%moved, self%has_moved)
+      allocate (self%moved(3, n), source=0.0_wp)
+      allocate (self%has_moved(n), source=.false.)
+   end subroutine take
+
+   !> What moved since, with the increments of the present step (in the blocks) or without.
+   function moves(self, blocks) result(list)
+      class(reference_t), intent(in) :: self
+      type(contact_block_t), intent(in), optional :: blocks(:)
+      type(moves_t) :: list
+      real(wp) :: x(3, size(self%has_moved))
+      logical :: moved(size(self%has_moved))
+      integer :: a, g, j
+
+      x = self%moved
+      moved = self%has_moved
+      if (present(blocks)) then
+         do g = 1, size(blocks)
+            do a = 1, blocks(g)%columns
+               j = blocks(g)%place(a)
+               x(:, j) = x(:, j) + [blocks(g)%x_n(a), blocks(g)%x_t(:, a)]
+               moved(j) = .true.
+            end do
+         end do
+      end if
+      list%place = pack([(j, j=1, size(moved))], moved)
+      list%x = x(:, list%place)
+   end function moves
+
+   !> Force of a point of the base set at a driver, N.
+   pure function force_of(self, base, place, q, moves) result(force)
+      class(reference_t), intent(in) :: self
+      type(base_set_t), intent(in) :: base
+      !> Its place in the base set
+      integer, intent(in) :: place
+      real(wp), intent(in) :: q(:)
+      type(moves_t), intent(in) :: moves
+      real(wp) :: force(3)
+      integer :: c, k, m
+
+      do c = 1, 3
+         k = 3*place - 3 + c
+         force(c) = self%force(c, place) + dot_product(base%slope(:, k), q - self%q)
+         do m = 1, size(moves%place)
+            force(c) = force(c) + dot_product(base%M(3*moves%place(m) - 2:3*moves%place(m), k), moves%x(:, m))
+         end do
+      end do
+   end function force_of
+
+   !> Normal gap of a point outside the base set at a driver, m.
+   pure real(wp) function gap_outside(self, base, place, q, moves)
+      class(reference_t), intent(in) :: self
+      type(base_set_t), intent(in) :: base
+      !> Its place among the points outside
+      integer, intent(in) :: place
+      real(wp), intent(in) :: q(:)
+      type(moves_t), intent(in) :: moves
+      integer :: m
+
+      gap_outside = self%gap(place) + dot_product(base%slope_outside(:, place), q - self%q)
+      do m = 1, size(moves%place)
+         gap_outside = gap_outside + dot_product(base%T_t(3*moves%place(m) - 2:3*moves%place(m), place), moves%x(:, m))
+      end do
+   end function gap_outside
+
+   !> Forces of all points of the base set and gaps of all outside.
+   subroutine everywhere(self, base, q, force, gap)
+      class(reference_t), intent(in) :: self
+      type(base_set_t), intent(in) :: base
+      real(wp), intent(in) :: q(:)
+      !> (3, inside) N and (outside) m
+      real(wp), allocatable, intent(out) :: force(:, :), gap(:)
+      real(wp) :: x(3*size(self%has_moved)), work(3*size(self%has_moved))
+      integer :: k
+
+      x = reshape(self%moved, [size(x)])
+      work = matmul(q - self%q, base%slope)
+      gap = self%gap + matmul(q - self%q, base%slope_outside)
+      if (any(self%has_moved)) then
+         do k = 1, size(x)
+            if (x(k) /= 0.0_wp) work = work + base%M(:, k)*x(k)
+         end do
+         gap = gap + matmul(x, base%T_t)
+      end if
+      force = self%force + reshape(work, shape(self%force))
+   end subroutine everywhere
+
+   !> Count in what a point moves in a step; its force before and after belong to q_before and q.
+   pure subroutine add(self, base, place, x, force_before, force, q_before, q)
+      class(reference_t), intent(inout) :: self
+      type(base_set_t), intent(in) :: base
+      integer, intent(in) :: place
+      !> (3) m
+      real(wp), intent(in) :: x(3)
+      !> (3) N
+      real(wp), intent(in) :: force_before(3), force(3)
+      real(wp), intent(in) :: q_before(:), q(:)
+      integer :: k
+
+      ! M y = force - S q, and the change of y^T M y is x^T (M y before + M y after).
+      do k = 1, 3
+         if (x(k) == 0.0_wp) cycle
+         self%c = self%c + x(k)*(force_before(k) + force(k) - dot_product(base%slope(:, 3*place - 3 + k), q_before + q))
+         self%h = self%h + base%slope(:, 3*place - 3 + k)*x(k)
+         self%h_output = self%h_output + base%output_slope(:, 3*place - 3 + k)*x(k)
+      end do
+      self%moved(:, place) = self%moved(:, place) + x
+      self%has_moved(place) = .true.
+   end subroutine add
+
+   !> Reaction, outputs and energy at a driver.
+   subroutine report(self, base, q, record)
+      class(reference_t), intent(in) :: self
+      type(base_set_t), intent(in) :: base
+      real(wp), intent(in) :: q(:)
+      type(solve_record_t), intent(inout) :: record
+
+      record%reaction = matmul(base%stiffness, q) - self%h
+      record%output = matmul(base%output_stiffness, q) - self%h_output
+      record%contact_energy = 0.5_wp*(self%c + dot_product(q, self%h - record%reaction))
+   end subroutine report
+
+end module microslip_contact_reference
