@@ -7,6 +7,10 @@ program main
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
    use test_contact_half_space, only: collect_contact_half_space
+   use test_system_fft_compliance, only: collect_system_fft_compliance
+   use test_io_fclib, only: collect_io_fclib
+   use test_contact_any_compliance, only: collect_contact_any_compliance
+   use test_contact_matrix_free, only: collect_contact_matrix_free
    use test_contact_solvers, only: collect_contact_solvers
    use test_fe_condensation, only: collect_fe_condensation
    use test_fe_element, only: collect_fe_element
@@ -57,6 +61,10 @@ program main
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &
       & new_testsuite('contact_half_space', collect_contact_half_space), &
+      & new_testsuite('system_fft_compliance', collect_system_fft_compliance), &
+      & new_testsuite('io_fclib', collect_io_fclib), &
+      & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
+      & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
       & new_testsuite('contact_solvers', collect_contact_solvers), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &
       & new_testsuite('fe_element', collect_fe_element), &

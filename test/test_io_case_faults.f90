@@ -115,6 +115,10 @@ contains
 
       call one_fault(error, "source = 'hdf5'", "source = 'hdf'", "&model: source = 'hdf': allowed: 'hdf5', 'calculix'")
       call one_fault(error, "source = 'hdf5'", "source = hdf5", "&model: source = hdf5: allowed: one of 'hdf5', 'calculix'")
+      call one_fault(error, "&transient", "&contact compliance = 'sparse' /"//nl//"&transient", &
+         "&contact: compliance = 'sparse': allowed: 'auto', 'dense', 'fft'")
+      call one_fault(error, "&transient", "&contact solver = 'jacobi', compliance = 'fft' /"//nl//"&transient", &
+         "&contact: compliance = 'fft': allowed: only with solver = 'condensed'")
       call one_fault(error, "kind = 'half_sine'", "kind = 'sine'", "&excitation 1: kind = 'sine': allowed: 'half_sine', ")
       call one_fault(error, "sensors = 'middle'", "sensors = '"//long//"'", &
          "&output: sensors = '"//repeat('x', 59)//"...: allowed: a text in quotes, at most 64 letters")

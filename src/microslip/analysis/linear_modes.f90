@@ -3,10 +3,11 @@
 !>     (Khat + R_c^T G_cc^-1 R_c) phi = omega^2 phi,   phi^T phi = 1   (modal mass is the identity)
 !> over the n_i modal coordinates; c: closed points, all three components.
 module microslip_analysis_linear_modes
-   use microslip_contact_laws, only: state_open
+   use microslip_contact_closed_system, only: closed_system_t
+   use microslip_contact_laws, only: state_open, state_stick
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, pi
-   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric, product_of
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
@@ -39,6 +40,10 @@ contains
       rows = pack(rows, status([((p, c=1, 3), p=1, size(status))]) /= state_open)
       stiffness = system%stiffness
       if (size(rows) == 0) return
+      if (allocated(system%problem%compliance)) then
+         call add_stuck_points(system, status, stiffness, error)
+         return
+      end if
       factor = system%problem%G(rows, rows)
       call cholesky_factor(factor, error)
       if (allocated(error)) then
@@ -50,6 +55,28 @@ contains
       stiffness = stiffness + matmul(transpose(system%problem%R(rows, :system%n_modes)), x)
       stiffness = 0.5_wp*(stiffness + transpose(stiffness))
    end subroutine stuck_stiffness
+
+   !> The same with the compliance as an operator.
+   subroutine add_stuck_points(system, status, stiffness, error)
+      type(jointed_system_t), intent(in) :: system
+      integer, intent(in) :: status(:)
+      real(wp), intent(inout) :: stiffness(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(closed_system_t) :: closed
+      real(wp), allocatable :: R(:, :), x(:, :)
+
+      R = system%problem%R(:, :system%n_modes)
+      associate (problem => system%problem)
+         call closed%set_up(problem%compliance, problem%friction, merge(state_stick, state_open, status /= state_open))
+         call closed%learn(problem%compliance, error)
+         if (allocated(error)) return
+         allocate (x, mold=R)
+         call closed%solve_columns(problem%compliance, R, x, error)
+         if (allocated(error)) return
+         call product_of(R, x, stiffness, transpose_a=.true., keep=1.0_wp)
+      end associate
+      stiffness = 0.5_wp*(stiffness + transpose(stiffness))
+   end subroutine add_stuck_points
 
    !> The lowest linear modes with all closed points stuck.
    subroutine solve_linear_modes(system, status, n_modes, modes, error)

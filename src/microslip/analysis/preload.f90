@@ -8,10 +8,12 @@
 !> contact. Normal contact in statics is on gap level.
 module microslip_analysis_preload
    use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_contact_closed_system, only: closed_system_t, state_frictionless
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
-   use microslip_contact_frictionless, only: solve_frictionless
+   use microslip_contact_frictionless, only: solve_frictionless, solve_frictionless_by_operator
    use microslip_contact_laws, only: state_open
+   use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, &
       & new_state, gap_of
    use microslip_core_error, only: error_t, failure, bad_input
@@ -26,6 +28,8 @@ module microslip_analysis_preload
 
    !> Relative accuracy of the interface forces.
    real(wp), parameter :: force_tolerance = 1.0e-9_wp
+   !> The same for the frictionless guess where it is found by iteration.
+   real(wp), parameter :: rough_force_tolerance = 1.0e-5_wp
    integer, parameter :: max_trials = 30
 
    type :: preload_options_t
@@ -84,11 +88,15 @@ contains
       problem%n_points = system%problem%n_points
       problem%friction = system%problem%friction
       problem%r_0 = system%problem%r_0
-      problem%G = system%problem%G
-      call product_of(system%problem%R(:, :system%n_modes), response(:, m + 1:), problem%G, keep=1.0_wp)
-      do k = 1, n
-         problem%G(k, :k - 1) = problem%G(:k - 1, k)
-      end do
+      if (allocated(system%problem%compliance)) then
+         call system%static_compliance(factor, problem%compliance)
+      else
+         problem%G = system%problem%G
+         call product_of(system%problem%R(:, :system%n_modes), response(:, m + 1:), problem%G, keep=1.0_wp)
+         do k = 1, n
+            problem%G(k, :k - 1) = problem%G(:k - 1, k)
+         end do
+      end if
       allocate (problem%R(n, m))
       problem%R = system%problem%R(:, system%n_modes + loads) &
          & + matmul(system%problem%R(:, :system%n_modes), response(:, :m))
@@ -112,28 +120,43 @@ contains
       real(wp), intent(out) :: slope(:, :)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: G(:, :), R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:)
-      real(wp) :: deviation(size(system%pads))
+      type(closed_system_t) :: normal
+      real(wp) :: deviation(size(system%pads)), wanted
       integer :: trial
 
-      G = problem%G(1::3, 1::3)
       R = problem%R(1::3, :)
       r_0 = problem%r_0(1::3)
+      wanted = force_tolerance
+      if (allocated(problem%compliance)) then
+         wanted = rough_force_tolerance
+         call normal%set_up(problem%compliance, problem%friction, spread(state_frictionless, 1, problem%n_points))
+         call normal%learn(problem%compliance, error)
+         if (allocated(error)) return
+      else
+         G = problem%G(1::3, 1::3)
+      end if
+      force = 0.0_wp
       allocate (sensitivity(size(force), size(amplitude)))
       if (allocated(options%scale)) amplitude = share*options%scale
       do trial = 1, max_trials
          if (allocated(options%interface_force) .and. all(amplitude == 0.0_wp)) then
             ! First guess: all points closed and the surface flat, one load for all interfaces.
-            call tied_guess(system, G, R, share*options%interface_force, amplitude, error)
+            call tied_guess(system, problem, normal, share*options%interface_force, amplitude, error)
             if (allocated(error)) return
             closed = r_0 + matmul(R, amplitude) < 0.0_wp
          end if
-         call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
+         if (allocated(problem%compliance)) then
+            call solve_frictionless_by_operator(problem%compliance, normal, r_0 + matmul(R, amplitude), R, closed, force, &
+               & sensitivity, error)
+         else
+            call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
+         end if
          if (allocated(error)) return
          slope = sums_over_pads(system, sensitivity)
          if (allocated(options%scale)) return
          deviation = share*options%interface_force &
             & - reshape(sums_over_pads(system, reshape(force, [size(force), 1])), [size(system%pads)])
-         if (maxval(abs(deviation)) <= force_tolerance*share*maxval(options%interface_force)) return
+         if (maxval(abs(deviation)) <= wanted*share*maxval(options%interface_force)) return
          matrix = slope
          step = reshape(deviation, [size(deviation), 1])
          call solve_general(matrix, step, error)
@@ -147,21 +170,31 @@ contains
    end subroutine frictionless_preload
 
    !> Amplitudes that would give the interface forces if all points were closed on a flat surface.
-   subroutine tied_guess(system, G, R, target_force, amplitude, error)
+   subroutine tied_guess(system, problem, normal, target_force, amplitude, error)
       type(jointed_system_t), intent(in) :: system
-      real(wp), intent(in) :: G(:, :), R(:, :), target_force(:)
+      type(contact_problem_t), intent(in) :: problem
+      !> Normal contact, where the compliance is an operator
+      type(closed_system_t), intent(inout) :: normal
+      real(wp), intent(in) :: target_force(:)
       real(wp), intent(out) :: amplitude(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: factor(:, :), x(:, :), step(:, :), matrix(:, :)
 
-      factor = G
-      call cholesky_factor(factor, error)
-      if (allocated(error)) then
-         error%message = 'preload: contact compliance is not positive definite: '//error%message
-         return
+      if (allocated(problem%compliance)) then
+         allocate (x, mold=problem%R)
+         call normal%solve_columns(problem%compliance, -problem%R, x, error)
+         if (allocated(error)) return
+         x = x(1::3, :)
+      else
+         factor = problem%G(1::3, 1::3)
+         call cholesky_factor(factor, error)
+         if (allocated(error)) then
+            error%message = 'preload: contact compliance is not positive definite: '//error%message
+            return
+         end if
+         x = -problem%R(1::3, :)
+         call cholesky_solve(factor, x)
       end if
-      x = -R
-      call cholesky_solve(factor, x)
       matrix = sums_over_pads(system, x)
       step = reshape(target_force, [size(target_force), 1])
       call solve_general(matrix, step, error)
@@ -219,6 +252,8 @@ contains
       select type (solver)
       type is (condensed_solver_t)
          solver%expected_closed = closed
+      type is (matrix_free_solver_t)
+         solver%expected_closed = closed
       end select
       call solver%start(problem, now, error)
       if (allocated(error)) return
@@ -252,7 +287,7 @@ contains
       class(contact_solver_t), allocatable :: trial_solver
       type(contact_state_t) :: trial_state
       type(solve_record_t) :: solved
-      real(wp), allocatable :: step(:, :), matrix(:, :), deviation(:), last_deviation(:)
+      real(wp), allocatable :: step(:, :), matrix(:, :), deviation(:)
       integer :: trial
 
       do trial = 1, max_trials
@@ -281,7 +316,10 @@ contains
          call solve_general(matrix, step, error)
          if (allocated(error)) return
          amplitude = amplitude + step(:, 1)
-         last_deviation = deviation
+         select type (solver)
+         type is (matrix_free_solver_t)
+            solver%expected_force = trial_state%force
+         end select
       end do
       if (trial > max_trials) then
          call failure(error, 'preload: the interface forces were not reached (deviation '// &
@@ -316,10 +354,16 @@ contains
       type(contact_state_t), intent(in) :: now
       type(operating_state_t), intent(out) :: state
       type(preload_record_t), intent(inout) :: record
-      real(wp), allocatable :: gap(:, :)
+      real(wp), allocatable :: gap(:, :), local(:)
       integer :: n, p
 
       n = size(options%loads)
+      if (allocated(problem%compliance)) then
+         gap = problem%compliance%local_stiffness()
+         local = 1.0_wp/gap(1, :)
+      else
+         local = [(problem%G(3*p - 2, 3*p - 2), p=1, problem%n_points)]
+      end if
       allocate (state%amplitude(system%n_loads), source=0.0_wp)
       state%amplitude(options%loads) = now%q
       state%modal = matmul(response(:, :n), now%q) &
@@ -333,7 +377,7 @@ contains
             state%contact%gap(:, p) = gap(:, p)
          else
             record%residual = max(record%residual, maxval(abs(gap(:, p) - now%gap(:, p)))/ &
-               & (problem%G(3*p - 2, 3*p - 2)*maxval(now%force)))
+               & (local(p)*maxval(now%force)))
          end if
       end do
       record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points])))

@@ -9,7 +9,7 @@ module microslip_cli_driver
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
    use microslip_cli_scene, only: scene_t, build_scene, read_model
-   use microslip_cli_scene_report, only: report_scene
+   use microslip_cli_scene_report, only: report_scene, expected_unknowns
    use microslip_contact_factory, only: contact_options_t
    use microslip_contact_problem, only: new_state
    use microslip_core_error, only: error_t, failure
@@ -26,6 +26,7 @@ module microslip_cli_driver
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
    use microslip_io_results, only: results_t
    use microslip_io_transient_results, only: transient_results_t
+   use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
    use microslip_system_jointed_system, only: jointed_system_t, new_system
    implicit none(type, external)
    private
@@ -227,6 +228,9 @@ contains
 
       call new_system(run%reduced, run%scene%pads, run%scene%n_node_loads, damping(run), run%system, error)
       if (allocated(error)) return
+      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver)
+      ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
+      if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
       everything = run%case%interfaces%potential == 'all'
       if (all(everything) .or. .not. run%case%runs('preload')) then
          call run%system%restrict(spread(.true., 1, run%system%grid_point_count()), error)
@@ -240,7 +244,8 @@ contains
       if (allocated(error)) return
       call run%clock%stop('contact matrices')
       call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
-         & //to_text(run%system%grid_point_count())//' grid points in potential contact')
+         & //to_text(run%system%grid_point_count())//' grid points in potential contact; compliance: ' &
+         & //why_form(allocated(run%system%problem%compliance), 3*run%system%problem%n_points))
       call write_system(run, error)
       call run%clock%stop('write')
    end subroutine build_system
@@ -305,6 +310,7 @@ contains
       type(contact_options_t) :: options
 
       options%solver = trim(run%case%contact%solver)
+      if (allocated(run%system%problem%compliance)) options%solver = 'matrix_free'
       options%tolerance = run%case%contact%tolerance
       options%max_iterations = run%case%contact%max_iterations
       options%velocity_level = run%case%contact%normal_law == 'velocity'

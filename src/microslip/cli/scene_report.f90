@@ -5,13 +5,16 @@ module microslip_cli_scene_report
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_case, only: case_t
+   use microslip_system_compliance_choice, only: compliance_named, takes_fft, dense_memory, why_form
    implicit none(type, external)
    private
 
-   public :: report_scene
+   public :: report_scene, expected_unknowns
 
    !> Rates that the time estimates rest on: dense and sparse factorisation, memory traffic of one core.
    real(wp), parameter :: dense_rate = 3.0e10_wp, sparse_rate = 5.0e9_wp, memory_rate = 5.0e9_wp
+   !> Of the FFT operator: unknowns per second of a product, products of a preload, vectors that are alive at once.
+   real(wp), parameter :: fft_rate = 3.0e6_wp, fft_products = 2000.0_wp, fft_columns = 500.0_wp
    !> Share of the grid points that is expected in potential contact where points are left out.
    real(wp), parameter :: expected_share = 0.26_wp
 
@@ -23,13 +26,11 @@ contains
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
       integer :: k, boundary, points
-      real(wp) :: unknowns
 
       call log%line('FE model: '//to_text(scene%model%node_count())//' nodes, '//to_text(scene%model%row_count()) &
          & //' rows, '//to_text(scene%model%stiffness%entries())//' entries in the stiffness triangle')
       boundary = 0
       points = 0
-      unknowns = 0.0_wp
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
@@ -39,12 +40,24 @@ contains
                & //' um; friction '//to_text(pad%friction))
             boundary = boundary + pad%boundary_count()
             points = points + pad%grid%point_count()
-            unknowns = unknowns + 3.0_wp*pad%grid%point_count()*merge(1.0_wp, expected_share, takes_all(case, scene, k))
          end associate
       end do
-      call report_cost(log, case, scene, boundary, unknowns)
+      call report_cost(log, case, scene, boundary, expected_unknowns(case, scene))
       call report_skipped(log, case, scene)
    end subroutine report_scene
+
+   !> Contact unknowns to be expected: three per point, of a share of the points where some are left out.
+   pure real(wp) function expected_unknowns(case, scene)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      integer :: k
+
+      expected_unknowns = 0.0_wp
+      do k = 1, size(scene%pads)
+         expected_unknowns = expected_unknowns &
+            & + 3.0_wp*scene%pads(k)%grid%point_count()*merge(1.0_wp, expected_share, takes_all(case, scene, k))
+      end do
+   end function expected_unknowns
 
    !> Whether all points of an interface are in potential contact.
    pure logical function takes_all(case, scene, k)
@@ -63,15 +76,26 @@ contains
       integer, intent(in) :: boundary
       real(wp), intent(in) :: unknowns
       real(wp) :: memory, seconds, entries
+      integer :: choice
+      logical :: fft
 
+      choice = compliance_named(case%contact%compliance, case%contact%solver)
+      fft = takes_fft(choice, nint(unknowns))
       ! Fill of the sparse factor grows about as n log n on the meshes of jointed beams.
       entries = 6.0_wp*scene%model%stiffness%entries()
-      memory = 8.0_wp*(2.0_wp*boundary**2.0_wp + 2.5_wp*unknowns**2 + 3.0_wp*entries)
-      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate &
-         & + boundary**3.0_wp/dense_rate + unknowns**3/(27.0_wp*dense_rate) + 8.0_wp*unknowns**2/memory_rate
+      memory = 8.0_wp*(2.0_wp*boundary**2.0_wp + 3.0_wp*entries)
+      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate + boundary**3.0_wp/dense_rate
+      if (fft) then
+         memory = memory + 8.0_wp*(4.0_wp*boundary**2.0_wp + fft_columns*unknowns)
+         seconds = seconds + fft_products*(boundary**2.0_wp*8.0_wp/memory_rate + unknowns/fft_rate)
+      else
+         memory = memory + dense_memory(nint(unknowns))
+         seconds = seconds + unknowns**3/(27.0_wp*dense_rate) + 8.0_wp*unknowns**2/memory_rate
+      end if
       call log%line('sizes: '//to_text(boundary)//' boundary coordinates, about '//to_text(unknowns, 3) &
          & //' contact unknowns; estimates: memory '//to_text(memory/1.0e9_wp, 2)//' GB, set-up and preload ' &
          & //to_text(seconds, 2)//' s')
+      call log%line('contact compliance: '//why_form(fft, nint(unknowns)))
       if (case%runs('transient')) call log%line('transient: '//to_text(case%transient%duration)//' s; the time step follows ' &
          & //'from the highest retained frequency unless it is given')
    end subroutine report_cost

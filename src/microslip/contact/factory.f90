@@ -2,6 +2,7 @@
 module microslip_contact_factory
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_gauss_seidel, only: gauss_seidel_t
+   use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_newton, only: newton_t
    use microslip_contact_plain_jacobi, only: plain_jacobi_t
    use microslip_contact_problem, only: contact_solver_t
@@ -19,7 +20,7 @@ module microslip_contact_factory
 
    !> What the user may choose about the contact.
    type :: contact_options_t
-      !> One of `contact_solver_names`
+      !> One of `contact_solver_names`, or 'matrix_free' where the compliance is an operator
       character(len=:), allocatable :: solver
       !> Wanted relative accuracy of the contact forces
       real(wp) :: tolerance = 1.0e-10_wp
@@ -41,6 +42,8 @@ contains
       select case (options%solver)
       case ('condensed')
          allocate (condensed_solver_t :: solver)
+      case ('matrix_free')
+         allocate (matrix_free_solver_t :: solver)
       case ('jacobi_eliminated')
          allocate (solver, source=condensed_solver_t(by_jacobi=.true.))
       case ('jacobi')

@@ -1,15 +1,21 @@
 !> Normal contact without friction: 0 <= force _|_ gap >= 0 with gap = r + G_nn force.
 !> Primal-dual active set; used to guess the closed points and the loads of a preload.
 module microslip_contact_frictionless
+   use microslip_contact_closed_system, only: closed_system_t, state_frictionless
+   use microslip_contact_compliance_operator, only: contact_compliance_t
+   use microslip_contact_laws, only: state_open
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_linalg_dense, only: cholesky_factor, cholesky_solve
    implicit none(type, external)
    private
 
-   public :: solve_frictionless
+   public :: solve_frictionless, solve_frictionless_by_operator
 
    integer, parameter :: max_steps = 100
+   !> By operator: relative accuracy of the forces (they are a guess only), of a solution on the way, and Krylov steps.
+   real(wp), parameter :: accuracy = 1.0e-7_wp, on_the_way = 1.0e-2_wp
+   integer, parameter :: krylov_steps = 150
 
 contains
 
@@ -57,5 +63,55 @@ contains
       end do
       call failure(error, 'frictionless contact: the closed set does not settle')
    end subroutine solve_frictionless
+
+   !> The same with the compliance as an operator, to `accuracy`: closed points change while the forces are still rough.
+   subroutine solve_frictionless_by_operator(compliance, system, r, slope, closed, force, sensitivity, error)
+      class(contact_compliance_t), intent(in) :: compliance
+      !> Set up for the compliance; its states are changed
+      type(closed_system_t), intent(inout) :: system
+      !> (points) gap without contact forces, m
+      real(wp), intent(in) :: r(:)
+      !> (points, drivers) derivative of r by the drivers
+      real(wp), intent(in) :: slope(:, :)
+      !> (points) start guess in, closed points out
+      logical, intent(inout) :: closed(:)
+      !> (points) start guess in, N
+      real(wp), intent(inout) :: force(:)
+      !> (points, drivers) derivative of the force by the drivers
+      real(wp), intent(out) :: sensitivity(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), dimension(3, size(r)) :: forces, gap, change
+      logical :: next(size(r))
+      real(wp) :: first, last, target
+      integer :: step, k, krylov
+
+      forces = 0.0_wp
+      forces(1, :) = force
+      target = 0.0_wp
+      do step = 1, max_steps
+         system%states = merge(state_frictionless, state_open, closed)
+         where (.not. closed) forces(1, :) = 0.0_wp
+         call compliance%product(forces, gap)
+         gap(1, :) = -(gap(1, :) + r)
+         call system%solve(compliance, gap, on_the_way, target, krylov_steps, change, krylov, first, last)
+         forces = forces + change
+         target = accuracy*norm2(forces)
+         call compliance%product(forces, gap)
+         next = merge(forces(1, :) > 0.0_wp, gap(1, :) + r < 0.0_wp, closed)
+         if (all(next .eqv. closed) .and. last <= target) exit
+         closed = next
+      end do
+      if (step > max_steps) then
+         call failure(error, 'frictionless contact: the closed set does not settle')
+         return
+      end if
+      force = forces(1, :)
+      do k = 1, size(slope, 2)
+         gap = 0.0_wp
+         gap(1, :) = -slope(:, k)
+         call system%solve(compliance, gap, accuracy, 0.0_wp, krylov_steps, change, krylov, first, last)
+         sensitivity(:, k) = change(1, :)
+      end do
+   end subroutine solve_frictionless_by_operator
 
 end module microslip_contact_frictionless

@@ -5,6 +5,7 @@
 !> with the driver q: modal coordinates and load amplitudes in dynamics, load amplitudes in statics.
 !> Solvers advance the state from one q to the next; they know nothing of structures or time.
 module microslip_contact_problem
+   use microslip_contact_compliance_operator, only: contact_compliance_t
    use microslip_core_kinds, only: wp
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    implicit none(type, external)
@@ -18,6 +19,8 @@ module microslip_contact_problem
       integer :: n_points = 0
       !> (3 points, 3 points) symmetric, m/N
       real(wp), allocatable :: G(:, :)
+      !> G as an operator, in place of the matrix
+      class(contact_compliance_t), allocatable :: compliance
       !> (3 points, drivers) m per unit of the driver
       real(wp), allocatable :: R(:, :)
       !> (3 points) m
@@ -134,10 +137,16 @@ contains
       !> (3, points) N
       real(wp), intent(in), contiguous :: force(:, :)
       real(wp), allocatable :: gap(:, :)
-      real(wp) :: work(3*problem%n_points)
+      real(wp), allocatable :: work(:)
       integer :: k, column
 
       work = problem%r_0 + matmul(problem%R, q)
+      if (allocated(problem%compliance)) then
+         allocate (gap(3, problem%n_points))
+         call problem%compliance%product(force, gap)
+         gap = gap + reshape(work, [3, problem%n_points])
+         return
+      end if
       do k = 1, problem%n_points
          if (all(force(:, k) == 0.0_wp)) cycle
          do column = 1, 3

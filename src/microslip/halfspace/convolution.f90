@@ -20,10 +20,9 @@ module microslip_halfspace_convolution
    implicit none(type, external)
    private
 
-   public :: convolution_t, new_convolution
+   public :: convolution_t, new_convolution, approximate_inverse
 
-   !> C of one interface as an operator. Holds its workspace: one product at a time per object. Copies share
-   !> the plans; `release` frees them, once no copy is in use.
+   !> C of one interface as an operator. Copies share the plans; `release` frees them, once no copy is in use.
    type :: convolution_t
       private
       !> Padded size
@@ -32,16 +31,13 @@ module microslip_halfspace_convolution
       integer, allocatable :: ix(:), iy(:)
       !> (mx/2+1, my, 4 or 6) spectra of the parts over mx*my, m/N
       real(wp), allocatable :: spectrum(:, :, :)
-      !> (mx, my, 3) forces, then displacements on the padded grid
-      real(wp), allocatable :: field(:, :, :)
-      !> (mx/2+1, my, 3) their transforms
-      complex(wp), allocatable :: transform(:, :, :)
       type(c_ptr) :: forward = c_null_ptr, backward = c_null_ptr
       !> The same for one component
       type(c_ptr) :: forward_one = c_null_ptr, backward_one = c_null_ptr
    contains
       procedure :: apply
       procedure :: apply_normal
+      procedure :: diagonal
       procedure :: release
    end type convolution_t
 
@@ -53,6 +49,8 @@ contains
       type(convolution_t), intent(out) :: convolution
       !> Coefficients and contact points
       type(compliance_t), intent(in) :: compliance
+      real(wp), allocatable :: field(:, :, :)
+      complex(wp), allocatable :: transform(:, :, :)
       integer :: parts
 
       parts = size(compliance%table, 1)
@@ -60,16 +58,27 @@ contains
       convolution%my = good_size(2*size(compliance%table, 3) - 1)
       convolution%ix = compliance%ix
       convolution%iy = compliance%iy
-      allocate (convolution%field(convolution%mx, convolution%my, 3))
-      allocate (convolution%transform(convolution%mx/2 + 1, convolution%my, 3))
       allocate (convolution%spectrum(convolution%mx/2 + 1, convolution%my, parts))
-      call make_plans(convolution)
-      call transform_parts(convolution, compliance%table)
+      call make_workspace(convolution, field, transform)
+      call make_plans(convolution, field, transform)
+      call transform_parts(convolution, compliance%table, field, transform)
    end subroutine new_convolution
 
+   !> Arrays on the padded grid: (mx, my, 3) forces, then displacements, and (mx/2+1, my, 3) their transforms.
+   subroutine make_workspace(convolution, field, transform)
+      type(convolution_t), intent(in) :: convolution
+      real(wp), allocatable, intent(out) :: field(:, :, :)
+      complex(wp), allocatable, intent(out) :: transform(:, :, :)
+
+      allocate (field(convolution%mx, convolution%my, 3))
+      allocate (transform(convolution%mx/2 + 1, convolution%my, 3))
+   end subroutine make_workspace
+
    !> Plans for the three components at once and for one.
-   subroutine make_plans(convolution)
+   subroutine make_plans(convolution, field, transform)
       type(convolution_t), intent(inout) :: convolution
+      real(wp), intent(inout) :: field(:, :, :)
+      complex(wp), intent(inout) :: transform(:, :, :)
 
       call make_pair(3_c_int, convolution%forward, convolution%backward)
       call make_pair(1_c_int, convolution%forward_one, convolution%backward_one)
@@ -83,33 +92,35 @@ contains
 
          n = [convolution%my, convolution%mx]
          n_half = [convolution%my, convolution%mx/2 + 1]
-         forward = fftw_plan_many_dft_r2c(2_c_int, n, components, convolution%field, n, 1_c_int, product(n), &
-            & convolution%transform, n_half, 1_c_int, product(n_half), FFTW_ESTIMATE)
-         backward = fftw_plan_many_dft_c2r(2_c_int, n, components, convolution%transform, n_half, 1_c_int, &
-            & product(n_half), convolution%field, n, 1_c_int, product(n), FFTW_ESTIMATE)
+         forward = fftw_plan_many_dft_r2c(2_c_int, n, components, field, n, 1_c_int, product(n), &
+            & transform, n_half, 1_c_int, product(n_half), FFTW_ESTIMATE)
+         backward = fftw_plan_many_dft_c2r(2_c_int, n, components, transform, n_half, 1_c_int, &
+            & product(n_half), field, n, 1_c_int, product(n), FFTW_ESTIMATE)
       end subroutine make_pair
 
    end subroutine make_plans
 
    !> Spectra of the parts, three at a time. The part that vanishes by symmetry is rounding and is dropped,
    !> which makes the operator symmetric to the last bit of its spectrum.
-   subroutine transform_parts(convolution, table)
+   subroutine transform_parts(convolution, table, field, transform)
       type(convolution_t), intent(inout) :: convolution
       real(wp), intent(in) :: table(:, 0:, 0:)
+      real(wp), intent(inout), contiguous :: field(:, :, :)
+      complex(wp), intent(inout), contiguous :: transform(:, :, :)
       integer :: first, part
 
       do first = 1, size(table, 1), 3
-         convolution%field = 0.0_wp
+         field = 0.0_wp
          do part = first, min(first + 2, size(table, 1))
-            call wrap_part(part, table(part, :, :), convolution%field(:, :, part - first + 1))
+            call wrap_part(part, table(part, :, :), field(:, :, part - first + 1))
          end do
-         call fftw_execute_dft_r2c(convolution%forward, convolution%field, convolution%transform)
+         call fftw_execute_dft_r2c(convolution%forward, field, transform)
          do part = first, min(first + 2, size(table, 1))
-            associate (transform => convolution%transform(:, :, part - first + 1))
+            associate (values => transform(:, :, part - first + 1))
                if (part == part_n1 .or. part == part_n2) then
-                  convolution%spectrum(:, :, part) = aimag(transform)
+                  convolution%spectrum(:, :, part) = aimag(values)
                else
-                  convolution%spectrum(:, :, part) = real(transform, wp)
+                  convolution%spectrum(:, :, part) = real(values, wp)
                end if
             end associate
          end do
@@ -142,51 +153,57 @@ contains
 
    !> u = C lambda for all contact points.
    subroutine apply(self, lambda, u)
-      class(convolution_t), intent(inout) :: self
+      class(convolution_t), intent(in) :: self
       !> (3, points) contact forces (n, t1, t2), N
       real(wp), intent(in) :: lambda(:, :)
       !> (3, points) relative displacements (n, t1, t2), m
       real(wp), intent(out) :: u(:, :)
+      real(wp), allocatable :: field(:, :, :)
+      complex(wp), allocatable :: transform(:, :, :)
       integer :: point
 
-      self%field = 0.0_wp
+      call make_workspace(self, field, transform)
+      field = 0.0_wp
       do point = 1, size(self%ix)
-         self%field(self%ix(point), self%iy(point), :) = lambda(:, point)
+         field(self%ix(point), self%iy(point), :) = lambda(:, point)
       end do
-      call fftw_execute_dft_r2c(self%forward, self%field, self%transform)
-      call multiply_spectra(self%spectrum, self%transform)
-      call fftw_execute_dft_c2r(self%backward, self%transform, self%field)
+      call fftw_execute_dft_r2c(self%forward, field, transform)
+      call multiply_spectra(self%spectrum, transform)
+      call fftw_execute_dft_c2r(self%backward, transform, field)
       do point = 1, size(self%ix)
-         u(:, point) = self%field(self%ix(point), self%iy(point), :)
+         u(:, point) = field(self%ix(point), self%iy(point), :)
       end do
    end subroutine apply
 
    !> u_n, the normal part of u = C lambda, for all contact points: one transform each way where the materials do
    !> not couple n with t.
    subroutine apply_normal(self, lambda, u_n)
-      class(convolution_t), intent(inout) :: self
+      class(convolution_t), intent(in) :: self
       !> (3, points) contact forces (n, t1, t2), N
       real(wp), intent(in) :: lambda(:, :)
       !> (points) normal relative displacements, m
       real(wp), intent(out) :: u_n(:)
+      real(wp), allocatable :: field(:, :, :)
+      complex(wp), allocatable :: transform(:, :, :)
       integer :: point, components
       logical :: coupled
 
+      call make_workspace(self, field, transform)
       coupled = size(self%spectrum, 3) > part_12
       components = merge(3, 1, coupled)
-      self%field(:, :, :components) = 0.0_wp
+      field(:, :, :components) = 0.0_wp
       do point = 1, size(self%ix)
-         self%field(self%ix(point), self%iy(point), :components) = lambda(:components, point)
+         field(self%ix(point), self%iy(point), :components) = lambda(:components, point)
       end do
       if (coupled) then
-         call fftw_execute_dft_r2c(self%forward, self%field, self%transform)
+         call fftw_execute_dft_r2c(self%forward, field, transform)
       else
-         call fftw_execute_dft_r2c(self%forward_one, self%field, self%transform)
+         call fftw_execute_dft_r2c(self%forward_one, field, transform)
       end if
-      call multiply_normal(self%spectrum, self%transform)
-      call fftw_execute_dft_c2r(self%backward_one, self%transform, self%field)
+      call multiply_normal(self%spectrum, transform)
+      call fftw_execute_dft_c2r(self%backward_one, transform, field)
       do point = 1, size(self%ix)
-         u_n(point) = self%field(self%ix(point), self%iy(point), 1)
+         u_n(point) = field(self%ix(point), self%iy(point), 1)
       end do
    end subroutine apply_normal
 
@@ -229,6 +246,59 @@ contains
          end do
       end do
    end subroutine multiply_spectra
+
+   !> The convolution whose spectrum is the inverse of that of C, normal and tangential parts apart: C on an unbounded
+   !> plane undone. Restricted to a contact area it is near the inverse of C there, symmetric positive definite, and a
+   !> preconditioner. Spectral values that truncation has made small or negative are raised. Shares the plans.
+   function approximate_inverse(convolution) result(inverse)
+      type(convolution_t), intent(in) :: convolution
+      type(convolution_t) :: inverse
+      real(wp), parameter :: least = 1.0e-3_wp
+      real(wp) :: cells, floor_n, floor_t, a, b, c, half, root, mean, big, small
+      integer :: i, j
+
+      inverse = convolution
+      deallocate (inverse%spectrum)
+      cells = real(convolution%mx, wp)*convolution%my
+      associate (k => convolution%spectrum)
+         allocate (inverse%spectrum(size(k, 1), size(k, 2), part_12))
+         floor_n = least*maxval(k(:, :, part_nn))
+         floor_t = least*maxval(k(:, :, part_11:part_22))
+         do j = 1, size(k, 2)
+            do i = 1, size(k, 1)
+               inverse%spectrum(i, j, part_nn) = 1.0_wp/(max(k(i, j, part_nn), floor_n)*cells**2)
+               a = k(i, j, part_11)
+               b = k(i, j, part_22)
+               c = k(i, j, part_12)
+               ! Eigenvalues mean +- root of the tangential block, raised; the inverse has the same eigenvectors.
+               mean = 0.5_wp*(a + b)
+               half = 0.5_wp*(a - b)
+               root = max(hypot(half, c), tiny(1.0_wp))
+               big = 1.0_wp/(max(mean + root, floor_t)*cells**2)
+               small = 1.0_wp/(max(mean - root, floor_t)*cells**2)
+               inverse%spectrum(i, j, part_11) = 0.5_wp*((big + small) + (big - small)*half/root)
+               inverse%spectrum(i, j, part_22) = 0.5_wp*((big + small) - (big - small)*half/root)
+               inverse%spectrum(i, j, part_12) = 0.5_wp*(big - small)*c/root
+            end do
+         end do
+      end associate
+   end function approximate_inverse
+
+   !> The factor between force and displacement of one point alone, (n, t1, t2).
+   pure function diagonal(self) result(values)
+      class(convolution_t), intent(in) :: self
+      real(wp) :: values(3)
+      integer :: part, columns
+
+      ! A real transform keeps half of the spectrum: all but the first column (and the last of an even size) count twice.
+      columns = size(self%spectrum, 1)
+      do part = part_nn, part_22
+         associate (k => self%spectrum(:, :, part))
+            values(part) = 2.0_wp*sum(k) - sum(k(1, :))
+            if (mod(self%mx, 2) == 0) values(part) = values(part) - sum(k(columns, :))
+         end associate
+      end do
+   end function diagonal
 
    !> Free the plans.
    subroutine release(self)

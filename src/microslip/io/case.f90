@@ -112,6 +112,8 @@ module microslip_io_case
       integer :: max_iterations = 100000
       !> 'gap' or 'velocity'
       character(len=name_length) :: normal_law = 'gap'
+      !> 'auto', 'dense' or 'fft': how the contact compliance is held
+      character(len=name_length) :: compliance = 'auto'
    end type contact_case_t
 
    !> `&load`: a load pattern with a name.

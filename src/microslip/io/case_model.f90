@@ -107,6 +107,11 @@ contains
       call keys%real_key('tolerance', record%tolerance, between(0.0_wp, 1.0_wp))
       call keys%integer_key('max_iterations', record%max_iterations, at_least(1))
       call keys%name_key('normal_law', record%normal_law, [character(len=name_length) :: 'gap', 'velocity'])
+      if (record%solver == 'condensed') then
+         call keys%name_key('compliance', record%compliance, [character(len=name_length) :: 'auto', 'dense', 'fft'])
+      else
+         call keys%ignored(['compliance'], "with solver = 'condensed'", decided_by='solver')
+      end if
       call keys%finish()
    end subroutine contact_keys
 

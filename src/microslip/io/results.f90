@@ -120,6 +120,8 @@ contains
             & 'relative displacements of the interface nodes', error)
          call put(file, '/model/grid_points', system%grid_point_count(), '1', 'points of all interface grids', error)
          call put(file, '/model/contact_points', system%problem%n_points, '1', 'points in potential contact', error)
+         call put(file, '/model/compliance', [form_of(system)], &
+            & 'contact compliance at the start: dense matrix or FFT operator', error)
          call put(file, '/model/tied_frequency', reduced%frequency, 'Hz', 'frequencies of the component modes', error)
          call put(file, '/model/damping', system%damping, '1/s', 'viscous damping of the modal coordinates, 2 zeta omega', &
             & error)
@@ -138,6 +140,12 @@ contains
          call put(file, '/model/reduction/seconds', record%seconds, 's', 'wall time of the reduction', error)
       end associate
    end subroutine write_model
+
+   !> How the contact compliance is held.
+   pure character(len=5) function form_of(system)
+      type(jointed_system_t), intent(in) :: system
+      form_of = merge('fft  ', 'dense', allocated(system%problem%compliance))
+   end function form_of
 
    !> alpha^T = -K_bi Lambda^-1, (boundary, modes).
    pure function participation(reduced) result(alpha)

@@ -7,12 +7,15 @@
 !> A load pattern and a sensor are the same thing seen from two sides (reciprocity): both reduce to a modal
 !> part (n_i), a contact part (3P) and, between them, a static compliance of the boundary.
 module microslip_system_jointed_system
+   use microslip_contact_compliance_operator, only: contact_compliance_t
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
-   use microslip_linalg_dense, only: eigen_symmetric, inverse_spd, product_of, product_symmetric
+   use microslip_linalg_dense, only: cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
+   use microslip_system_compliance_choice, only: compliance_auto, compliance_dense, compliance_fft, takes_fft
+   use microslip_system_fft_compliance, only: fft_compliance_t, new_fft_compliance
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
    private
@@ -30,6 +33,8 @@ module microslip_system_jointed_system
       type(pad_t), allocatable :: pads(:)
       !> gap = r_0 + R [d_i; load amplitudes] + G lambda on the points in potential contact
       type(contact_problem_t) :: problem
+      !> How `restrict` makes G: compliance_dense, compliance_fft, or whichever suits the machine
+      integer :: compliance = compliance_auto
       !> (modes, loads) and (loads, loads)
       real(wp), allocatable :: load_modal(:, :), load_load(:, :)
       !> (modes, sensors) and (loads, sensors): u = modal^T d_i + outputs^T lambda + load^T a, the outputs in `problem`
@@ -47,6 +52,7 @@ module microslip_system_jointed_system
    contains
       procedure :: highest_angular_frequency
       procedure :: restrict
+      procedure :: static_compliance
       procedure :: widen_where_closed
       procedure :: grid_point_count
       procedure :: modal_force
@@ -157,10 +163,12 @@ contains
       end do
       self%previous_index = pack(was, potential)
       self%problem%n_points = n
-      if (allocated(self%problem%G)) deallocate (self%problem%G, self%problem%R, self%problem%r_0, self%problem%friction, &
+      if (allocated(self%problem%R)) deallocate (self%problem%R, self%problem%r_0, self%problem%friction, &
          & self%problem%group)
+      if (allocated(self%problem%G)) deallocate (self%problem%G)
+      if (allocated(self%problem%compliance)) deallocate (self%problem%compliance)
       if (allocated(self%problem%outputs)) deallocate (self%problem%outputs)
-      allocate (self%problem%G(3*n, 3*n), self%problem%R(3*n, self%n_modes + self%n_loads), &
+      allocate (self%problem%R(3*n, self%n_modes + self%n_loads), &
          & self%problem%outputs(3*n, size(self%sensor_modal, 2)), source=0.0_wp)
       allocate (self%problem%r_0(3*n), self%problem%friction(n), self%problem%group(n))
       do k = 1, size(self%pads)
@@ -173,12 +181,46 @@ contains
             end do
          end associate
       end do
-      call fill_compliance(self)
+      if (takes_fft(self%compliance, 3*n)) then
+         call make_operator(self)
+      else
+         call fill_compliance(self)
+      end if
       call fill_columns(self, -1.0_wp, self%K_bi, self%problem%R(:, :self%n_modes))
       n = self%n_modes + size(self%load_boundary, 2)
       call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:n))
       call fill_columns(self, 1.0_wp, self%sensor_boundary, self%problem%outputs)
    end subroutine restrict
+
+   !> G as an operator.
+   subroutine make_operator(self)
+      class(jointed_system_t), intent(inout) :: self
+      type(fft_compliance_t), allocatable :: compliance
+
+      allocate (compliance)
+      call new_fft_compliance(self%pads, self%flexibility, compliance)
+      call move_alloc(compliance, self%problem%compliance)
+   end subroutine make_operator
+
+   !> The compliance of statics where G is an operator: G + R Khat^-1 R^T, which is G with F + F K_bi Khat^-1 K_bi^T F.
+   subroutine static_compliance(self, factor, compliance)
+      class(jointed_system_t), intent(in) :: self
+      !> Cholesky factor of Khat
+      real(wp), intent(in), contiguous :: factor(:, :)
+      class(contact_compliance_t), allocatable, intent(out) :: compliance
+      real(wp), allocatable :: moved(:, :), response(:, :), flexibility(:, :)
+
+      allocate (moved, mold=self%K_bi)
+      call product_symmetric(self%flexibility, self%K_bi, moved)
+      response = transpose(moved)
+      call cholesky_solve(factor, response)
+      flexibility = self%flexibility
+      call product_of(moved, response, flexibility, keep=1.0_wp)
+      select type (dynamic => self%problem%compliance)
+      type is (fft_compliance_t)
+         allocate (compliance, source=dynamic%with_flexibility(flexibility))
+      end select
+   end subroutine static_compliance
 
    !> G = C + W^T F W, pad by pad.
    subroutine fill_compliance(self)
@@ -186,6 +228,7 @@ contains
       real(wp), allocatable :: block(:, :)
       integer :: j, k
 
+      allocate (self%problem%G(3*self%problem%n_points, 3*self%problem%n_points), source=0.0_wp)
       do k = 1, size(self%pads)
          do j = 1, size(self%pads)
             associate (row => self%pads(j), column => self%pads(k), G => self%problem%G)
@@ -386,7 +429,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: gap(:)
       logical, allocatable :: potential(:)
-      integer :: k, first
+      integer :: k, first, asked
       real(wp) :: deepest
 
       added = 0
@@ -404,7 +447,11 @@ contains
       if (.not. any(gap < 0.0_wp .and. .not. potential)) return
       potential = potential .or. gap < -0.05_wp*deepest
       added = count(potential) - self%problem%n_points
+      ! Solvers at work know one form of G: it stays.
+      asked = self%compliance
+      self%compliance = merge(compliance_fft, compliance_dense, allocated(self%problem%compliance))
       call self%restrict(potential, error)
+      self%compliance = asked
    end subroutine widen_where_closed
 
    !> Normal force of every pad, (pads), N.

@@ -77,13 +77,10 @@ contains
       !> (3, pairs) relative displacements of the node pairs, m
       real(wp), intent(in), contiguous :: boundary(:, :)
       real(wp), allocatable :: u(:, :), far(:, :)
-      type(convolution_t) :: convolution
 
       allocate (u, mold=force)
       allocate (far, mold=force)
-      ! A product writes into the workspace of its operator: this copy's.
-      convolution = self%convolution
-      call convolution%apply(force, u)
+      call self%convolution%apply(force, u)
       call self%coupling%interpolate(boundary, far)
       u = u + far
    end function displacement
