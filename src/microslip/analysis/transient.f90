@@ -37,7 +37,7 @@ module microslip_analysis_transient
       !> s, ascending: times of snapshots
       real(wp), allocatable :: snapshots(:)
       !> Steps between two checks of the points left out
-      integer :: verify_stride = 100
+      integer :: verify_stride = 200
    end type transient_options_t
 
    !> Energies since the start, J.

@@ -59,8 +59,8 @@ module microslip_contact_condensed
       !> (drivers) largest |dq| since the reference was taken
       real(wp), allocatable, private :: largest_dq(:)
       integer, private :: steps_since_refresh = 0, refresh_due = first_refresh
-      !> Largest contact force of the last step, N
-      real(wp), private :: last_scale = 0.0_wp
+      !> Largest contact force of the last step, and when all were last known, N
+      real(wp), private :: last_scale = 0.0_wp, known_scale = 0.0_wp
    contains
       procedure :: start
       procedure :: advance
@@ -104,6 +104,7 @@ contains
       integer :: j, n
 
       call self%reference%take(problem, self%base, state)
+      self%known_scale = max(0.0_wp, maxval(self%reference%force(1, :)))
       if (maxval(self%largest_dq) > 0.0_wp) then
          call self%lookout%weigh(problem, self%base, self%largest_dq)
       else
@@ -216,10 +217,10 @@ contains
       call begin_step(self, problem, q, state)
       call guess_violated(self, problem, state)
       do round = 1, max_rounds
-         scale = force_scale(self, state)
+         scale = force_scale(self)
          call solve_blocks(self, scale, record)
          call evaluate_others(self%blocks, self%base%coupling)
-         scale = force_scale(self, state)
+         scale = force_scale(self)
          call free_violated(self, problem, state, self%tolerance*scale, more)
          if (more) cycle
          call spend(self, q - state%q, spent)
@@ -233,7 +234,7 @@ contains
          call begin_step(self, problem, q, state)
       end do
       record%converged = record%converged .and. round <= max_rounds
-      self%last_scale = force_scale(self, state)
+      self%last_scale = force_scale(self)
       record%residual = largest_residual(self%blocks)/self%last_scale
       call commit(self, problem, q, state, spent, looked, record)
       if (.not. self%lazy) call self%complete(problem, state)
@@ -279,13 +280,12 @@ contains
    end subroutine set_start
 
    !> Size of the largest contact force in the step, as last known, N.
-   pure real(wp) function force_scale(self, state)
+   pure real(wp) function force_scale(self)
       class(condensed_solver_t), intent(in) :: self
-      type(contact_state_t), intent(in) :: state
       integer :: a, g
       logical :: all_open
 
-      force_scale = maxval(state%force(1, :))
+      force_scale = self%known_scale
       all_open = count_columns(self%blocks) == size(self%base%inside)
       do g = 1, size(self%blocks)
          associate (block => self%blocks(g))
@@ -734,6 +734,7 @@ contains
 
       n = size(self%base%inside)
       call present(self, state%q, force, gap)
+      self%known_scale = max(0.0_wp, maxval(force(1, :)))
       do j = 1, n
          state%force(:, self%base%inside(j)) = force(:, j)
          if (self%lookout%margin(j) < huge(1.0_wp)) call watch(self, problem, j, force(:, j))
