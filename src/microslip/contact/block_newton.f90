@@ -55,14 +55,15 @@ contains
       real(wp), intent(out) :: force_error
       type(secants_t) :: secants
       real(wp) :: amplification, previous, change
-      logical :: singular, exact, new_states
-      integer :: g
+      logical :: singular, exact, new_states, renew
+      integer :: g, last_renewal
 
       call start_single(blocks, coupling)
       exact = .false.
       amplification = 1.0_wp
       previous = huge(1.0_wp)
       singular = .false.
+      last_renewal = 0
       do steps = 0, max_steps
          new_states = steps == 0
          do g = 1, size(blocks)
@@ -82,12 +83,15 @@ contains
             call apply_changes(blocks, coupling)
             exact = exact .and. largest_change(blocks) <= small_change*scale
          end if
-         if (new_states .or. (residual > slow*previous .and. steps > patience)) secants%count = 0
+         ! New factors cure what is stale in them, not what groups cause in one another: that is for the secants.
+         renew = residual > slow*previous .and. steps > last_renewal + patience
+         if (renew) last_renewal = steps + 2*patience
+         if (new_states .or. renew) secants%count = 0
          do g = 1, size(blocks)
             call kept(g)%linearise(blocks(g))
             if (new_states) then
                call kept(g)%follow(blocks(g), singular)
-            else if (residual > slow*previous .and. steps > patience) then
+            else if (renew) then
                call kept(g)%rebuild(blocks(g), singular)
             end if
             if (singular) exit
@@ -156,8 +160,8 @@ contains
       k = secants%count
       if (k > 0) then
          share = sum(secants%step(:, :, k)*step)/secants%square(k)
-         if (share < 0.5_wp) step = step/(1.0_wp - share)
-         if (share >= 0.5_wp .or. k == max_secants) secants%count = 0
+         if (share < 0.9_wp) step = step/(1.0_wp - share)
+         if (share >= 0.9_wp .or. k == max_secants) secants%count = 0
       end if
       if (sum(step**2) == 0.0_wp) return
       if (.not. allocated(secants%step)) allocate (secants%step(3, size(step, 2), max_secants))
