@@ -33,12 +33,14 @@ module microslip_contact_condensed
    !> Rounds of solving and checking the rest.
    integer, parameter :: max_rounds = 200
    !> Open points of the base set that are carried along, and for how many steps the others are.
-   integer, parameter :: open_carried = 16, open_steps = 200
+   integer, parameter :: open_carried = 16, open_steps = 400
    !> Steps after which everything is computed anew from the definition (rounding); the first times earlier, because
    !> by then it is known how far the drivers move in a step.
    integer, parameter :: refresh_after = 500, first_refresh = 10
    !> A point that would need a look again within so many steps is followed.
    real(wp), parameter :: look_ahead = 6.0_wp
+   !> Points outside that would close in so many more steps join with those that close.
+   real(wp), parameter :: steps_ahead = 8.0_wp
    !> Rows that are kept while nothing moves.
    integer, parameter :: rows_at_rest = 32
 
@@ -229,6 +231,7 @@ contains
          closing = closing_points(self, problem, q, state, spent, looked, scale)
          if (size(closing) == 0) exit
          ! Points that close join at the state before this step.
+         if (.not. problem%velocity_level) closing = points_closing_soon(self, closing, q, state)
          call take_in(self, problem, closing, state, record, failed)
          if (failed) return
          call begin_step(self, problem, q, state)
@@ -535,6 +538,29 @@ contains
       end do
       points = self%base%outside(pack(due, closes))
    end function closing_points
+
+   !> The points that close, and those that would in the next steps if the last one were repeated: a change of the base
+   !> set costs about the same for one as for many.
+   function points_closing_soon(self, closing, q, state) result(points)
+      class(condensed_solver_t), intent(in) :: self
+      integer, intent(in) :: closing(:)
+      real(wp), intent(in) :: q(:)
+      type(contact_state_t), intent(in) :: state
+      integer, allocatable :: points(:)
+      type(moves_t) :: before, after
+      logical :: closes(size(self%base%outside))
+      real(wp) :: gap, gap_before
+      integer :: j
+
+      before = self%reference%moves()
+      after = self%reference%moves(self%blocks)
+      do j = 1, size(closes)
+         gap = self%reference%gap_outside(self%base, j, q, after)
+         gap_before = self%reference%gap_outside(self%base, j, state%q, before)
+         closes(j) = gap + steps_ahead*(gap - gap_before) < 0.0_wp .or. any(closing == self%base%outside(j))
+      end do
+      points = pack(self%base%outside, closes)
+   end function points_closing_soon
 
    !> Take points into the base set at the state before the step, with their tangential gap there.
    subroutine take_in(self, problem, points, state, record, failed)
