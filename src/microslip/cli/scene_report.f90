@@ -120,6 +120,12 @@ contains
             end if
          end associate
       end do
+      if (case%runs('transient') .and. case%contact%solver == 'condensed') then
+         call log%line('skipped: unknowns of points that stick, and their forces until a bound on their change has used up ' &
+            & //'the margin to the friction cone (solver condensed)')
+         if (size(scene%pads) > 1) call log%line('skipped: coupling between interfaces beyond the rank it has in the ' &
+            & //'condensed stiffness to rounding')
+      end if
       if (.not. allocated(case%output%snapshots)) call log%line('skipped: contact fields over time (no snapshots asked for)')
       if (case%reduction%cache == '') call log%line('skipped: cache of the reduction (no file given)')
    end subroutine report_skipped

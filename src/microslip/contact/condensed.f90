@@ -18,7 +18,7 @@ module microslip_contact_condensed
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, count_states
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_contact_reference, only: reference_t, moves_t
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_linalg_dense, only: inverse_spd
    implicit none(type, external)
@@ -80,6 +80,10 @@ contains
       logical :: in_base(problem%n_points)
       integer :: p
 
+      if (.not. is_symmetric(problem%G)) then
+         call failure(error, 'contact compliance G is not symmetric')
+         return
+      end if
       in_base = state%status /= state_open
       if (allocated(self%guess)) deallocate (self%last_increment, self%guess, self%steps_open, self%largest_dq)
       if (allocated(self%blocks)) deallocate (self%blocks, self%kept)
@@ -97,6 +101,17 @@ contains
       call self%lookout%survey(problem, self%base)
       call refresh(self, problem, state)
    end subroutine start
+
+   !> Symmetry up to rounding, seen by a vector: only one triangle of G enters.
+   pure logical function is_symmetric(G)
+      real(wp), intent(in) :: G(:, :)
+      real(wp) :: x(size(G, 1)), largest
+      integer :: k
+
+      x = [(sin(real(k, wp)**2), k=1, size(x))]
+      largest = maxval([(abs(G(k, k)), k=1, size(x))])
+      is_symmetric = all(abs(matmul(G, x) - matmul(x, G)) <= 1.0e-10_wp*largest*sqrt(real(size(x), wp)))
+   end function is_symmetric
 
    !> Take the state, up to its driver in the gaps of the base set, as the new reference.
    subroutine refresh(self, problem, state)
