@@ -10,7 +10,8 @@
 !>     balance_error = external_work - viscous_loss - friction_loss - (kinetic + elastic - initial)
 !>
 !> Points left out of the potential contact set are checked on the whole grid where the motion turns (the kinetic
-!> energy passes a minimum: the load extremes), every `verify_stride` steps at the latest, and at the end; samples are handed on only after that. If one would close, it joins and the run repeats from the last check.
+!> energy passes a minimum: the load extremes), every `verify_stride` steps at the latest, and at the end; samples are
+!> handed on only after that. If one would close, it joins and the run repeats from the last check.
 module microslip_analysis_transient
    use microslip_analysis_excitation, only: excitation_t, load_amplitudes
    use microslip_analysis_operating_state, only: operating_state_t
