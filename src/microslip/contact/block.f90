@@ -25,8 +25,8 @@ module microslip_contact_block
       real(wp), allocatable :: M_t(:, :), M_n(:, :)
       !> (3 columns, 2 columns) the tangential columns in single precision, for small changes
       real(real32), allocatable :: M_single(:, :)
-      !> (3 rows, rank) basis of the coupling to other groups
-      real(wp), allocatable :: basis(:, :)
+      !> (3 rows, rank) basis of the coupling to other groups, and transposed: what comes in and what goes out
+      real(wp), allocatable :: basis(:, :), basis_t(:, :)
       !> (3 rows, drivers)
       real(wp), allocatable :: slope(:, :)
       !> (rows)
@@ -74,7 +74,8 @@ contains
             & self%stiffness_t(0), self%gap_old(0), self%forced_open(0), self%status(0))
          allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(0, size(base%slope, 1)), self%force(3, 0), self%predicted(3, 0), &
             & self%trial(3, 0), self%change(3, 0), self%x_t(2, 0), self%dx_n(0), self%dx_t(2, 0), self%M_single(0, 0), &
-            & self%basis(0, size(base%basis, 1)))
+            & self%basis(0, size(base%basis, 1)), &
+            & self%basis_t(size(base%basis, 1), 0))
       end if
    end subroutine clear
 
@@ -93,6 +94,7 @@ contains
       self%place(r) = place
       self%friction(r) = friction
       self%slope(3*r - 2:3*r, :) = transpose(base%slope(:, 3*place - 2:3*place))
+      self%basis_t(:, 3*r - 2:3*r) = base%basis(:, 3*place - 2:3*place)
       self%basis(3*r - 2:3*r, :) = transpose(base%basis(:, 3*place - 2:3*place))
       do a = 1, self%columns
          k = 3*self%place(a)
@@ -144,6 +146,7 @@ contains
          j = 3*other - 3 + c
          self%slope([i, j], :) = self%slope([j, i], :)
          self%basis([i, j], :) = self%basis([j, i], :)
+         self%basis_t(:, [i, j]) = self%basis_t(:, [j, i])
          self%M_n([i, j], :self%columns) = self%M_n([j, i], :self%columns)
          self%M_t([i, j], :2*self%columns) = self%M_t([j, i], :2*self%columns)
       end do
@@ -205,24 +208,18 @@ contains
    end subroutine apply
 
    !> What other groups feel of increments: Z^T x, (rank).
-   pure function outgoing(self, x_n, x_t) result(c)
+   function outgoing(self, x_n, x_t) result(c)
       class(contact_block_t), intent(in) :: self
       !> (columns) and (2, columns) m
       real(wp), intent(in) :: x_n(:), x_t(:, :)
-      real(wp) :: c(size(self%basis, 2)), x(3*self%columns), total
-      integer :: a, k
+      real(wp) :: c(size(self%basis, 2)), x(3*self%columns)
+      integer :: a
 
       do a = 1, self%columns
          x(3*a - 2:3*a) = [x_n(a), x_t(1, a), x_t(2, a)]
       end do
-      do k = 1, size(c)
-         total = 0.0_wp
-         !$omp simd reduction(+:total)
-         do a = 1, size(x)
-            total = total + self%basis(a, k)*x(a)
-         end do
-         c(k) = total
-      end do
+      c = 0.0_wp
+      call add_product(size(c), size(x), self%basis_t, x, c)
    end function outgoing
 
    !> trial = trial + Z incoming in rows `first` to `last`.
@@ -284,6 +281,7 @@ contains
       self%friction = [self%friction(:n), spread(0.0_wp, 1, room - n)]
       call widen(self%slope, 3*n, size(base%slope, 1), 3*room, size(base%slope, 1))
       call widen(self%basis, 3*n, size(base%basis, 1), 3*room, size(base%basis, 1))
+      call widen(self%basis_t, size(base%basis, 1), 3*n, size(base%basis, 1), 3*room)
       call widen(self%force, 3, n, 3, room)
       call widen(self%predicted, 3, n, 3, room)
       call widen(self%trial, 3, n, 3, room)

@@ -67,7 +67,7 @@ contains
    end subroutine apply_changes
 
    !> What every group feels of the others: C times the outgoing of all, (rank, groups).
-   pure subroutine exchange(blocks, coupling, incoming, changes)
+   subroutine exchange(blocks, coupling, incoming, changes)
       type(contact_block_t), intent(in) :: blocks(:)
       real(wp), intent(in) :: coupling(:, :)
       real(wp), intent(out) :: incoming(:, :)
