@@ -1,6 +1,7 @@
 !> Contact solvers against one another and against the laws, on random problems driven through stick, slip,
 !> lift-off and re-closing.
 module test_contact_solvers
+   use microslip_contact_base_set, only: base_set_t
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    use microslip_contact_plain_jacobi, only: plain_jacobi_t
@@ -23,6 +24,8 @@ contains
          & new_unittest('eliminated Jacobi equals condensed', test_eliminated_equals_condensed), &
          & new_unittest('velocity level: condensed equals plain', test_velocity_level), &
          & new_unittest('plain Jacobi bounds its error', test_error_bound), &
+         & new_unittest('interfaces coupled by a low rank equal one group', test_groups), &
+         & new_unittest('an unsymmetric compliance is refused', test_unsymmetric), &
          & new_unittest('unconverged is reported', test_unconverged), &
          & new_unittest('indefinite compliance is refused', test_indefinite)]
    end subroutine collect_contact_solvers
@@ -83,32 +86,8 @@ contains
       !> Largest number of points seen open, sticking, slipping
       integer, intent(out) :: visited(3)
       type(error_type), allocatable, intent(out) :: error
-      type(contact_state_t) :: a, b
-      type(solve_record_t) :: record_a, record_b
-      type(mslip_error), allocatable :: failure
-      integer :: k
-      real(wp) :: scale
 
-      a = new_state(problem)
-      b = a
-      call one%start(problem, a, failure)
-      if (.not. allocated(failure)) call other%start(problem, b, failure)
-      call check(error,.not. allocated(failure), 'start failed')
-      if (allocated(error)) return
-      difference = 0.0_wp
-      scale = 0.0_wp
-      visited = 0
-      do k = 1, steps
-         call one%advance(problem, driver(k), a, record_a)
-         call other%advance(problem, driver(k), b, record_b)
-         call check(error, record_a%converged .and. record_b%converged, 'not converged')
-         if (allocated(error)) return
-         scale = max(scale, maxval(b%force))
-         difference = max(difference, maxval(abs(a%force - b%force)))
-         visited = max(visited, [count(a%status == state_open), count(a%status == state_stick), &
-            & count(a%status == state_slip)])
-      end do
-      difference = difference/scale
+      call start_and_drive(problem, problem, one, other, steps, difference, visited, error)
    end subroutine drive_both
 
    subroutine test_condensed_equals_plain(error)
@@ -128,6 +107,100 @@ contains
       ! All regimes were met: all open, all but a few closed, all closed points slipping.
       call check(error, visited(1) == 35 .and. visited(2) > 10 .and. visited(3) > 10, 'a regime was not visited')
    end subroutine test_condensed_equals_plain
+
+   !> Two patches far apart, each a half space of its own, that feel one another through three smooth patterns: the
+   !> solver that takes them as two groups finds what it finds for one.
+   subroutine test_groups(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(contact_problem_t) :: patch, apart, together
+      type(condensed_solver_t) :: one, two
+      type(base_set_t) :: base
+      type(mslip_error), allocatable :: failure
+      real(wp), allocatable :: pattern(:, :)
+      real(wp) :: difference
+      integer :: visited(3), n, k
+
+      patch = half_space_like_problem(9, 8, 0.4_wp)
+      n = 3*patch%n_points
+      together%n_points = 2*patch%n_points
+      together%friction = [patch%friction, patch%friction]
+      together%r_0 = [patch%r_0, 1.1_wp*patch%r_0]
+      allocate (together%G(2*n, 2*n), source=0.0_wp)
+      allocate (together%R(2*n, 3))
+      together%R(:n, :) = patch%R
+      together%R(n + 1:, :) = 0.9_wp*patch%R
+      pattern = reshape([(cos(0.01_wp*k*[1.0_wp, 2.0_wp, 3.0_wp]), k=1, 2*n)], [3, 2*n])
+      together%G(:n, :n) = patch%G
+      together%G(n + 1:, n + 1:) = patch%G
+      together%G = together%G + 0.02_wp*matmul(transpose(pattern), pattern)
+      apart = together
+      allocate (apart%group(apart%n_points), source=1)
+      apart%group(patch%n_points + 1:) = 2
+      ! All points in the base set: only then are the groups large enough for a low rank to pay.
+      call base%build(apart, [(k, k=1, apart%n_points)], failure)
+      call check(error,.not. allocated(failure) .and. base%groups == 2, 'the points are one group')
+      if (allocated(error)) return
+      n = 3*patch%n_points
+      call check(error, maxval(abs(base%M(:n, n + 1:) - matmul(transpose(base%basis(:, :n)), &
+         & matmul(base%coupling(:size(base%basis, 1), size(base%basis, 1) + 1:), base%basis(:, n + 1:))))) &
+         & < 1.0e-11_wp*maxval(base%M), 'the coupling is not that of M')
+      if (allocated(error)) return
+      two%expected_closed = spread(.true., 1, apart%n_points)
+      call start_and_drive(apart, together, two, one, 45, difference, visited, error)
+      if (allocated(error)) return
+      call check(error, difference < 45*1.0e-11_wp, 'forces differ')
+      if (allocated(error)) return
+      call check(error, all(visited > 20), 'a regime was not visited')
+   end subroutine test_groups
+
+   !> As `drive_both`, with a problem for each solver.
+   subroutine start_and_drive(problem_one, problem_other, one, other, steps, difference, visited, error)
+      type(contact_problem_t), intent(in) :: problem_one, problem_other
+      class(contact_solver_t), intent(inout) :: one, other
+      integer, intent(in) :: steps
+      real(wp), intent(out) :: difference
+      !> Largest number of points seen open, sticking, slipping
+      integer, intent(out) :: visited(3)
+      type(error_type), allocatable, intent(out) :: error
+      type(contact_state_t) :: a, b
+      type(solve_record_t) :: record_a, record_b
+      type(mslip_error), allocatable :: failure
+      integer :: k
+      real(wp) :: scale
+
+      a = new_state(problem_one)
+      b = a
+      call one%start(problem_one, a, failure)
+      if (.not. allocated(failure)) call other%start(problem_other, b, failure)
+      call check(error,.not. allocated(failure), 'start failed')
+      if (allocated(error)) return
+      difference = 0.0_wp
+      scale = 0.0_wp
+      visited = 0
+      do k = 1, steps
+         call one%advance(problem_one, driver(k), a, record_a)
+         call other%advance(problem_other, driver(k), b, record_b)
+         call check(error, record_a%converged .and. record_b%converged, 'not converged')
+         if (allocated(error)) return
+         scale = max(scale, maxval(b%force))
+         difference = max(difference, maxval(abs(a%force - b%force)))
+         visited = max(visited, [count(a%status == state_open), count(a%status == state_stick), &
+            & count(a%status == state_slip)])
+      end do
+      difference = difference/scale
+   end subroutine start_and_drive
+
+   subroutine test_unsymmetric(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(contact_problem_t) :: problem
+      type(condensed_solver_t) :: solver
+      type(mslip_error), allocatable :: failure
+
+      problem = half_space_like_problem(4, 3, 0.4_wp)
+      problem%G(2, 8) = problem%G(2, 8) + 1.0e-6_wp
+      call solver%start(problem, new_state(problem), failure)
+      call check(error, allocated(failure), 'an unsymmetric G was taken')
+   end subroutine test_unsymmetric
 
    subroutine test_eliminated_equals_condensed(error)
       type(error_type), allocatable, intent(out) :: error
