@@ -118,7 +118,6 @@ contains
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
-      integer :: j, n
 
       call self%reference%take(problem, self%base, state)
       self%known_scale = max(0.0_wp, maxval(self%reference%force(1, :)))
@@ -128,12 +127,7 @@ contains
          call self%lookout%weigh(problem, self%base, spread(1.0_wp, 1, size(self%largest_dq)))
       end if
       self%largest_dq = 0.0_wp
-      n = size(self%base%inside)
-      do j = 1, n
-         call watch(self, problem, j, self%reference%force(:, j))
-      end do
-      self%lookout%margin(n + 1:) = self%reference%gap
-      self%lookout%used(n + 1:) = 0.0_wp
+      call watch_all(self, problem, self%reference%force, self%reference%gap)
       call renew_blocks(self, problem, state, self%reference%force)
       self%steps_since_refresh = 0
    end subroutine refresh
@@ -209,6 +203,22 @@ contains
       self%lookout%margin(place) = problem%friction(self%base%inside(place))*force(1) - norm2(force(2:3))
       self%lookout%used(place) = 0.0_wp
    end subroutine watch
+
+   !> All points are left to the lookout.
+   subroutine watch_all(self, problem, force, gap)
+      class(condensed_solver_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      !> (3, inside) N and (outside) m
+      real(wp), intent(in) :: force(:, :), gap(:)
+      integer :: j, n
+
+      n = size(self%base%inside)
+      do j = 1, n
+         call watch(self, problem, j, force(:, j))
+      end do
+      self%lookout%margin(n + 1:) = gap
+      self%lookout%used(n + 1:) = 0.0_wp
+   end subroutine watch_all
 
    !> Take the state to driver q.
    subroutine advance(self, problem, q, state, record)
@@ -733,7 +743,7 @@ contains
       type(contact_state_t), intent(in) :: state
       real(wp), allocatable :: force(:, :)
       real(wp), allocatable :: gap(:)
-      integer :: g, j, columns, sticking
+      integer :: g, columns, sticking
 
       columns = count_columns(self%blocks)
       sticking = sum([(count(self%blocks(g)%status(:self%blocks(g)%columns) == state_stick), g=1, size(self%blocks))])
@@ -742,11 +752,7 @@ contains
       ! The motion turns: the next looks need not go back beyond here.
       call present(self, state%q, force, gap)
       call self%reference%move_up(state%q, force, gap)
-      do j = 1, size(self%base%inside)
-         call watch(self, problem, j, force(:, j))
-      end do
-      self%lookout%margin(size(self%base%inside) + 1:) = gap
-      self%lookout%used = 0.0_wp
+      call watch_all(self, problem, force, gap)
       call renew_blocks(self, problem, state, force)
    end subroutine retire_sticking
 

@@ -21,7 +21,7 @@ module microslip_contact_kept_factor
    integer, parameter :: kinds = 5
 
    type :: kept_factor_t
-      logical :: exists = .false., fresh = .false.
+      logical :: exists = .false.
       !> Codes of the inverted unknowns, and of the border: code > 0 came, -(place in `codes`) went
       integer, allocatable, private :: codes(:), border(:)
       !> J^-1
@@ -58,7 +58,6 @@ contains
       end if
       if (.not. allocated(self%beta)) allocate (self%beta(2*block%columns), self%direction(2, 2*block%columns), &
          & source=0.0_wp)
-      self%fresh = .false.
       do a = 1, block%columns
          if (block%status(a) /= state_slip) cycle
          w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
@@ -122,7 +121,7 @@ contains
       end if
    end subroutine follow
 
-   !> Factorise for the present states and linearisation.
+   !> Invert for the present states and linearisation.
    subroutine rebuild(self, block, singular)
       class(kept_factor_t), intent(inout) :: self
       type(contact_block_t), intent(in) :: block
@@ -133,7 +132,6 @@ contains
       call fill_jacobian(self, block, self%codes, self%codes, self%inverse)
       call inverse_single(self%inverse, singular)
       self%exists = .not. singular
-      self%fresh = .true.
    end subroutine rebuild
 
    !> J between the unknowns `rows` and `columns`; J is allocated where its shape is another.
