@@ -46,7 +46,7 @@ module microslip_analysis_qsma
       integer :: steps = 1
       !> Hysteresis loops too, and load steps of each half of a loop
       logical :: cycle = .false.
-      integer :: cycle_steps = 10
+      integer :: cycle_steps = 5
    end type qsma_options_t
 
    !> The mode at an amplitude.

@@ -15,6 +15,7 @@ module microslip_analysis_static_path
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: static_problem
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
+   use microslip_contact_laws, only: state_open
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, contact_solver_t, solve_record_t, gap_of
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
@@ -160,10 +161,16 @@ contains
       type(static_path_t), intent(in) :: path
       type(static_point_t) :: point
       real(wp), allocatable :: change(:, :), moved(:, :), row(:)
+      integer :: p
 
       change = path%contact%force - self%start%force
       row = reshape(change, [size(change)])
+      ! What stuck has not moved, to the last digit; solvers need not know the tangential displacement of open points.
       moved = gap_of(self%problem, [path%load], change) - reshape(self%problem%r_0, shape(change))
+      do p = 1, size(moved, 2)
+         if (path%contact%status(p) /= state_open .and. self%start%status(p) /= state_open) &
+            & moved(:, p) = path%contact%gap(:, p) - self%start%gap(:, p)
+      end do
       point%load = path%load
       point%modal = self%direct*path%load + matmul(self%response, row)
       point%displacement = dot_product(self%phi, point%modal)

@@ -192,7 +192,7 @@ module microslip_io_case
       integer :: steps = 1
       !> Hysteresis loops, and load steps of half a loop
       logical :: cycle = .false.
-      integer :: cycle_steps = 10
+      integer :: cycle_steps = 5
    end type qsma_case_t
 
    !> `&ringdown`: identification from the free decay of the time integration.
