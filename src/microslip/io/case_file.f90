@@ -257,6 +257,7 @@ contains
       call require('preload', input%runs('preload'))
       call require('transient', input%runs('transient'))
       call require('qsma', input%runs('qsma'))
+      call require('ringdown', input%runs('ringdown'))
 
    contains
 
