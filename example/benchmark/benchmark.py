@@ -45,7 +45,7 @@ def run_study(study, runner):
     print(f"{study.title}:", flush=True)
     rows = []
     for variation in study.variations:
-        run = runner.run(variation.case, start=study.few_steps)
+        run = runner.run(variation.case)
         reference = None if run.failure else first_that_runs(variation.references, runner)
         rows.append(tables.row_of(variation, run, reference))
         print(line(rows[-1]), flush=True)

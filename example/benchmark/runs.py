@@ -10,7 +10,6 @@ import h5py
 
 PATIENCE = 1.0  # s: runs are repeated until they took this together, or REPEATS times
 REPEATS = 5
-START = 20.0    # s: a time integration that takes longer than this hides the start of its solver
 
 
 @dataclass
@@ -20,7 +19,6 @@ class Run:
     result: str                                  # result file
     failure: str = ""
     seconds: dict = field(default_factory=dict)  # by stage of the program; medians over the repeats
-    start: float = 0.0                           # s of the time integration before its first step, if it was measured
     repeats: int = 1
     memory: float = float("nan")                 # bytes, the most it held
     others: float = float("nan")                 # cores that other processes used meanwhile, mean
@@ -38,19 +36,11 @@ class Runner:
         self.known = {}
         os.makedirs(self.folder, exist_ok=True)
 
-    def run(self, case, start=False):
-        """Run a case, several times if it is short. `start`: tell the start of the time integration from its steps, by a
-        run of one step."""
-        run = self.known.get(case)
-        if run is None:
-            run = self.known[case] = self.measure(case)
-        if start and not run.failure and not run.start and run.seconds["transient"] < START:
-            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)))
-            if not one.failure:
-                n, total = case.steps(), run.seconds["transient"]
-                begun = max((n * one.seconds["transient"] - total) / (n - 1), 0.0)
-                run.start = begun if begun < 0.95 * total else 0.0  # what would be left is noise: nothing is taken off
-        return run
+    def run(self, case):
+        """Run a case, several times if it is short."""
+        if case not in self.known:
+            self.known[case] = self.measure(case)
+        return self.known[case]
 
     def measure(self, case):
         path = os.path.join(self.folder, f"run_{len(self.known):03d}.nml")
