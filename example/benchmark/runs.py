@@ -21,7 +21,8 @@ class Run:
     seconds: dict = field(default_factory=dict)  # by stage of the program; medians over the repeats
     repeats: int = 1
     memory: float = float("nan")                 # bytes, the most it held
-    others: float = float("nan")                 # cores that other processes used meanwhile, mean
+    own: float = float("nan")                    # cores that it used, mean; the least of the repeats
+    others: float = float("nan")                 # cores that other processes used meanwhile, mean; the most of the repeats
 
     def setup_seconds(self):
         """Contact matrices and preload, without reading and reduction."""
@@ -54,7 +55,7 @@ class Runner:
         if not last.failure:
             last.seconds = {stage: statistics.median(run.seconds[stage] for run in runs) for stage in last.seconds}
             last.repeats = len(runs)
-            last.others = max(run.others for run in runs)
+            last.own, last.others = min(run.own for run in runs), max(run.others for run in runs)
         return last
 
     def cache(self, case):
@@ -71,7 +72,7 @@ class Runner:
             os.remove(run.result)
         clock = Processors()
         status, killed, usage = self.execute([self.program, "--output", run.result, path], log, case.threads)
-        run.others = clock.others(usage)
+        run.own, run.others = clock.shares(usage)
         run.memory = 1024.0 * usage.ru_maxrss
         if killed:
             run.failure = f"stopped after {self.time_limit:.0f} s{steps_done(run.result, case)}"
@@ -112,12 +113,12 @@ class Processors:
             ticks = [int(word) for word in file.readline().split()[1:9]]
         return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
 
-    def others(self, usage):
-        """Cores used by others than the process with this usage."""
+    def shares(self, usage):
+        """Cores used by the process with this usage, and by all others."""
         busy, everything = self.read()
-        elapsed = (everything - self.all) / os.cpu_count()
+        elapsed = max((everything - self.all) / os.cpu_count(), 1.0)
         own = (usage.ru_utime + usage.ru_stime) * os.sysconf("SC_CLK_TCK")
-        return max(busy - self.busy - own, 0.0) / max(elapsed, 1.0)
+        return own / elapsed, max(busy - self.busy - own, 0.0) / elapsed
 
 
 def limit_memory():
