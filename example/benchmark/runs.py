@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import h5py
 
-PATIENCE = 0.3  # s: runs are repeated until their steps took this together, or REPEATS times
-REPEATS = 5
+PATIENCE = 0.2  # s: runs are repeated until their steps took this together, or REPEATS times
+REPEATS = 3
 
 
 @dataclass
