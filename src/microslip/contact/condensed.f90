@@ -38,7 +38,7 @@ module microslip_contact_condensed
    !> by then it is known how far the drivers move in a step.
    integer, parameter :: refresh_after = 500, first_refresh = 10
    !> A point that would need a look again within so many steps is followed.
-   real(wp), parameter :: look_ahead = 6.0_wp
+   real(wp), parameter :: look_ahead = 12.0_wp
    !> Points outside that would close in so many more steps join with those that close.
    real(wp), parameter :: steps_ahead = 8.0_wp
    !> Rows that are kept while nothing moves.
@@ -680,6 +680,7 @@ contains
       integer :: a, p, r
 
       associate (block => self%blocks(g))
+         call self%reference%add(self%base, block, state%q, q)
          do a = 1, block%columns
             p = self%base%inside(block%place(a))
             x = block%x(:, a)
@@ -690,7 +691,6 @@ contains
             self%last_increment(:, p) = x
             self%steps_open(p) = merge(self%steps_open(p) + 1, 0, block%status(a) == state_open)
             if (all(x == 0.0_wp)) cycle
-            call self%reference%add(self%base, block%place(a), x, block%force(:, a), block%trial(:, a), state%q, q)
             record%friction_loss = record%friction_loss - dot_product(block%trial(2:3, a), x(2:3))
             state%gap(:, p) = state%gap(:, p) + x
             ! What the states prescribe holds to the last bit.
