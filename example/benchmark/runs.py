@@ -132,7 +132,7 @@ def last_words(log):
     """The last line that is neither progress nor backtrace, for the table."""
     with open(log, errors="replace") as file:
         lines = [line.strip() for line in file.read().replace("\r", "\n").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Error termination"))]
+    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Backtrace", "Error termination"))]
     return lines[-1].replace(os.path.dirname(os.path.abspath(log)) + os.sep, "")[:200] if lines else "no message"
 
 
