@@ -8,7 +8,7 @@
 module microslip_contact_block
    use, intrinsic :: iso_fortran_env, only: real32
    use microslip_contact_base_set, only: base_set_t
-   use microslip_contact_laws, only: classify, law_residual, state_open, state_stick
+   use microslip_contact_laws, only: state_open, state_slip, state_stick
    use microslip_core_kinds, only: wp
    use microslip_linalg_dense, only: add_product, add_product_single
    implicit none(type, external)
@@ -35,8 +35,8 @@ module microslip_contact_block
       real(wp), allocatable :: force(:, :), predicted(:, :), trial(:, :)
       !> (3, rows) N: what the step before changed
       real(wp), allocatable :: change(:, :)
-      !> (columns), (2, columns) increments of normal gap and slip, m
-      real(wp), allocatable :: x_n(:), x_t(:, :)
+      !> (3, columns) increments of normal gap and slip, m
+      real(wp), allocatable :: x(:, :)
       !> (columns) augmentation, N/m: normal, and the one of both tangential components
       real(wp), allocatable :: stiffness_n(:), stiffness_t(:)
       !> (columns) normal gap before the step, m
@@ -45,8 +45,11 @@ module microslip_contact_block
       logical, allocatable :: forced_open(:)
       !> (columns)
       integer, allocatable :: status(:)
-      !> (columns), (2, columns) m: changes of the increments, for `apply`, and the largest change of a force by it, N
-      real(wp), allocatable :: dx_n(:), dx_t(:, :)
+      !> (3, columns) what the laws miss at the trial forces, N, and the largest of it
+      real(wp), allocatable :: violation(:, :)
+      real(wp) :: residual = 0.0_wp
+      !> (3, columns) m: changes of the increments, for `apply`, and the largest change of a force by it, N
+      real(wp), allocatable :: dx(:, :)
       real(wp) :: last_change = 0.0_wp
    contains
       procedure :: clear
@@ -57,8 +60,7 @@ module microslip_contact_block
       procedure :: apply
       procedure :: outgoing
       procedure :: add_incoming
-      procedure :: update_states
-      procedure :: residual
+      procedure :: assess
    end type contact_block_t
 
 contains
@@ -69,13 +71,13 @@ contains
       type(base_set_t), intent(in) :: base
       self%rows = 0
       self%columns = 0
+      self%residual = 0.0_wp
       if (.not. allocated(self%place)) then
-         allocate (self%place(0), self%friction(0), self%x_n(0), self%stiffness_n(0), &
-            & self%stiffness_t(0), self%gap_old(0), self%forced_open(0), self%status(0))
+         allocate (self%place(0), self%friction(0), self%stiffness_n(0), self%stiffness_t(0), self%gap_old(0), &
+            & self%forced_open(0), self%status(0))
          allocate (self%M_t(0, 0), self%M_n(0, 0), self%slope(0, size(base%slope, 1)), self%force(3, 0), self%predicted(3, 0), &
-            & self%trial(3, 0), self%change(3, 0), self%x_t(2, 0), self%dx_n(0), self%dx_t(2, 0), self%M_single(0, 0), &
-            & self%basis(0, size(base%basis, 1)), &
-            & self%basis_t(size(base%basis, 1), 0))
+            & self%trial(3, 0), self%change(3, 0), self%x(3, 0), self%dx(3, 0), self%violation(3, 0), self%M_single(0, 0), &
+            & self%basis(0, size(base%basis, 1)), self%basis_t(size(base%basis, 1), 0))
       end if
    end subroutine clear
 
@@ -96,11 +98,12 @@ contains
       self%slope(3*r - 2:3*r, :) = transpose(base%slope(:, 3*place - 2:3*place))
       self%basis_t(:, 3*r - 2:3*r) = base%basis(:, 3*place - 2:3*place)
       self%basis(3*r - 2:3*r, :) = transpose(base%basis(:, 3*place - 2:3*place))
+      ! M is symmetric: its columns are read, one after the other, for the rows.
       do a = 1, self%columns
          k = 3*self%place(a)
-         self%M_n(3*r - 2:3*r, a) = base%M(3*place - 2:3*place, k - 2)
-         self%M_t(3*r - 2:3*r, 2*a - 1) = base%M(3*place - 2:3*place, k - 1)
-         self%M_t(3*r - 2:3*r, 2*a) = base%M(3*place - 2:3*place, k)
+         self%M_n(3*r - 2:3*r, a) = base%M(k - 2, 3*place - 2:3*place)
+         self%M_t(3*r - 2:3*r, 2*a - 1) = base%M(k - 1, 3*place - 2:3*place)
+         self%M_t(3*r - 2:3*r, 2*a) = base%M(k, 3*place - 2:3*place)
       end do
    end subroutine add_row
 
@@ -159,23 +162,26 @@ contains
       real(wp), intent(in) :: dq(:)
 
       self%predicted(:, :self%rows) = self%force(:, :self%rows)
-      call add_product(3*self%rows, size(dq), self%slope, dq, self%predicted)
+      call add_product(3*self%rows, size(dq), self%slope, size(self%slope, 1), dq, self%predicted)
    end subroutine predict
 
    !> trial = predicted + M x in rows `first` to `last`, without what other groups cause.
    subroutine evaluate(self, first, last)
       class(contact_block_t), intent(inout) :: self
       integer, intent(in) :: first, last
-      real(wp) :: change(3, max(0, last - first + 1))
+      real(wp) :: change(3, max(0, last - first + 1)), x_t(2, self%columns)
       integer :: a, r
 
       if (last < first) return
       change = 0.0_wp
-      call add_product(size(change), 2*self%columns, self%M_t(3*first - 2:, :), self%x_t, change)
+      if (self%columns > 0) then
+         x_t = self%x(2:3, :self%columns)
+         call add_product(size(change), 2*self%columns, self%M_t(3*first - 2, 1), size(self%M_t, 1), x_t, change)
+      end if
       do a = 1, self%columns
-         if (self%x_n(a) == 0.0_wp) cycle
+         if (self%x(1, a) == 0.0_wp) cycle
          do r = first, last
-            change(:, r - first + 1) = change(:, r - first + 1) + self%M_n(3*r - 2:3*r, a)*self%x_n(a)
+            change(:, r - first + 1) = change(:, r - first + 1) + self%M_n(3*r - 2:3*r, a)*self%x(1, a)
          end do
       end do
       self%trial(:, first:last) = self%predicted(:, first:last) + change
@@ -184,42 +190,37 @@ contains
    !> x = x + dx and trial = trial + M dx in the rows of the columns, dx small: tangential part in single precision.
    subroutine apply(self)
       class(contact_block_t), intent(inout) :: self
-      real(real32) :: change(3, self%columns), dx(2, self%columns)
+      real(real32) :: change(3, self%columns), dx_t(2, self%columns)
       real(wp) :: unit
       integer :: a, r, n
 
       n = self%columns
       self%last_change = 0.0_wp
       if (n == 0) return
-      unit = max(maxval(abs(self%dx_t(:, :n))), tiny(1.0_wp))
-      dx = real(self%dx_t(:, :n)/unit, real32)
+      unit = max(maxval(abs(self%dx(2:3, :n))), tiny(1.0_wp))
+      dx_t = real(self%dx(2:3, :n)/unit, real32)
       change = 0.0_real32
-      call add_product_single(3*n, 2*n, self%M_single, dx, change)
+      call add_product_single(3*n, 2*n, self%M_single, size(self%M_single, 1), dx_t, change)
       self%trial(:, :n) = self%trial(:, :n) + unit*change
       self%last_change = unit*maxval(abs(change))
       do a = 1, n
-         if (self%dx_n(a) == 0.0_wp) cycle
+         if (self%dx(1, a) == 0.0_wp) cycle
          do r = 1, n
-            self%trial(:, r) = self%trial(:, r) + self%M_n(3*r - 2:3*r, a)*self%dx_n(a)
+            self%trial(:, r) = self%trial(:, r) + self%M_n(3*r - 2:3*r, a)*self%dx(1, a)
          end do
       end do
-      self%x_n(:n) = self%x_n(:n) + self%dx_n(:n)
-      self%x_t(:, :n) = self%x_t(:, :n) + self%dx_t(:, :n)
+      self%x(:, :n) = self%x(:, :n) + self%dx(:, :n)
    end subroutine apply
 
    !> What other groups feel of increments: Z^T x, (rank).
-   function outgoing(self, x_n, x_t) result(c)
+   function outgoing(self, x) result(c)
       class(contact_block_t), intent(in) :: self
-      !> (columns) and (2, columns) m
-      real(wp), intent(in) :: x_n(:), x_t(:, :)
-      real(wp) :: c(size(self%basis, 2)), x(3*self%columns)
-      integer :: a
+      !> (3, columns) m, or more
+      real(wp), intent(in), contiguous :: x(:, :)
+      real(wp) :: c(size(self%basis, 2))
 
-      do a = 1, self%columns
-         x(3*a - 2:3*a) = [x_n(a), x_t(1, a), x_t(2, a)]
-      end do
       c = 0.0_wp
-      call add_product(size(c), size(x), self%basis_t, x, c)
+      call add_product(size(c), 3*self%columns, self%basis_t, size(c), x, c)
    end function outgoing
 
    !> trial = trial + Z incoming in rows `first` to `last`.
@@ -230,43 +231,46 @@ contains
       integer, intent(in) :: first, last
 
       if (last < first .or. size(incoming) == 0) return
-      call add_product(3*(last - first + 1), size(incoming), self%basis(3*first - 2:, :), incoming, self%trial(:, first:last))
+      call add_product(3*(last - first + 1), size(incoming), self%basis(3*first - 2, 1), size(self%basis, 1), incoming, &
+         & self%trial(:, first:last))
    end subroutine add_incoming
 
-   !> States of all columns from their forces and increments.
-   subroutine update_states(self, changed)
+   !> States of all columns from their trial forces and increments (unless they are held), what the laws miss, and the
+   !> largest of it: open points have a force, closed ones a gap, sticking ones slip, the others are off the rim.
+   subroutine assess(self, changed, hold)
       class(contact_block_t), intent(inout) :: self
       !> Becomes true where a state changes
       logical, intent(inout) :: changed
-      integer :: a, before
+      logical, intent(in) :: hold
+      real(wp) :: square, augmented, length, w(2)
+      integer :: a, state
 
+      square = 0.0_wp
       do a = 1, self%columns
-         before = self%status(a)
-         if (self%forced_open(a)) then
-            self%status(a) = state_open
-         else
-            self%status(a) = classify(self%trial(:, a), self%gap_old(a) + self%x_n(a), self%x_t(:, a), &
-               & self%stiffness_n(a), self%stiffness_t(a), self%friction(a))
-         end if
-         changed = changed .or. self%status(a) /= before
+         associate (force => self%trial(:, a), missed => self%violation(:, a))
+            augmented = force(1) - self%stiffness_n(a)*(self%gap_old(a) + self%x(1, a))
+            w = force(2:3) - self%stiffness_t(a)*self%x(2:3, a)
+            length = sqrt(w(1)**2 + w(2)**2)
+            state = state_open
+            if (hold) then
+               state = self%status(a)
+            else if (augmented > 0.0_wp .and. .not. self%forced_open(a)) then
+               state = state_stick
+               if (length > self%friction(a)*augmented) state = state_slip
+            end if
+            changed = changed .or. state /= self%status(a)
+            self%status(a) = state
+            missed = force
+            if (state /= state_open) then
+               missed(1) = force(1) - augmented
+               if (state == state_slip) w = w*(self%friction(a)*max(0.0_wp, force(1))/max(length, tiny(1.0_wp)))
+               missed(2:3) = force(2:3) - w
+            end if
+            square = max(square, missed(1)**2, missed(2)**2 + missed(3)**2)
+         end associate
       end do
-   end subroutine update_states
-
-   !> Largest violation of the contact laws in the columns, N.
-   pure real(wp) function residual(self)
-      class(contact_block_t), intent(in) :: self
-      integer :: a
-
-      residual = 0.0_wp
-      do a = 1, self%columns
-         if (self%forced_open(a)) then
-            residual = max(residual, maxval(abs(self%trial(:, a))))
-         else
-            residual = max(residual, law_residual(self%trial(:, a), self%gap_old(a) + self%x_n(a), self%x_t(:, a), &
-               & self%stiffness_n(a), self%stiffness_t(a), self%friction(a)))
-         end if
-      end do
-   end function residual
+      self%residual = sqrt(square)
+   end subroutine assess
 
    !> Larger arrays for the rows.
    subroutine make_room_for_rows(self, base, room)
@@ -299,15 +303,14 @@ contains
 
       n = size(self%M_t, 1)
       m = self%columns
-      self%x_n = [self%x_n(:m), spread(0.0_wp, 1, room - m)]
       self%stiffness_n = [self%stiffness_n(:m), spread(0.0_wp, 1, room - m)]
       self%stiffness_t = [self%stiffness_t(:m), spread(0.0_wp, 1, room - m)]
       self%gap_old = [self%gap_old(:m), spread(0.0_wp, 1, room - m)]
       self%forced_open = [self%forced_open(:m), spread(.false., 1, room - m)]
       self%status = [self%status(:m), spread(state_stick, 1, room - m)]
-      self%dx_n = self%x_n
-      call widen(self%x_t, 2, m, 2, room)
-      call widen(self%dx_t, 2, m, 2, room)
+      call widen(self%x, 3, m, 3, room)
+      call widen(self%dx, 3, m, 3, room)
+      call widen(self%violation, 3, m, 3, room)
       call widen(self%M_t, 3*self%rows, 2*m, n, 2*room)
       call widen(self%M_n, 3*self%rows, m, n, room)
       allocate (single(3*room, 2*room))

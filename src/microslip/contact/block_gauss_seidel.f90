@@ -4,7 +4,7 @@
 !> fixed. Slower than Newton and far more robust; used to give Newton a better start.
 module microslip_contact_block_gauss_seidel
    use microslip_contact_block, only: contact_block_t
-   use microslip_contact_coupled_blocks, only: evaluate_columns, largest_residual
+   use microslip_contact_coupled_blocks, only: assess_all, evaluate_columns
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -25,6 +25,7 @@ contains
       integer, intent(out) :: sweeps
       !> Largest violation of the laws, N
       real(wp), intent(out) :: residual
+      logical :: changed
       integer :: g
 
       call evaluate_columns(blocks, coupling)
@@ -33,7 +34,7 @@ contains
             call sweep_block(blocks(g))
          end do
          call evaluate_columns(blocks, coupling)
-         residual = largest_residual(blocks)
+         call assess_all(blocks, changed, .false., residual)
          if (residual <= limit) exit
       end do
       sweeps = min(sweeps, max_sweeps)
@@ -48,12 +49,11 @@ contains
       do a = 1, block%columns
          own(:, 1) = block%M_n(3*a - 2:3*a, a)
          own(:, 2:3) = block%M_t(3*a - 2:3*a, 2*a - 1:2*a)
-         old = [block%x_n(a), block%x_t(:, a)]
+         old = block%x(:, a)
          others = block%trial(:, a) - matmul(own, old)
          call solve_point(own, others, block%gap_old(a), block%friction(a), block%forced_open(a), x, block%status(a))
          dx = x - old
-         block%x_n(a) = x(1)
-         block%x_t(:, a) = x(2:3)
+         block%x(:, a) = x
          do p = 1, block%columns
             block%trial(:, p) = block%trial(:, p) + block%M_n(3*p - 2:3*p, a)*dx(1) &
                & + block%M_t(3*p - 2:3*p, 2*a - 1)*dx(2) + block%M_t(3*p - 2:3*p, 2*a)*dx(3)

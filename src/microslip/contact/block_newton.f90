@@ -7,7 +7,7 @@
 !> caller detects by the residual.
 module microslip_contact_block_newton
    use microslip_contact_block, only: contact_block_t
-   use microslip_contact_coupled_blocks, only: apply_changes, count_columns, evaluate_columns, largest_residual
+   use microslip_contact_coupled_blocks, only: apply_changes, assess_all, count_columns, evaluate_columns
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_open, state_slip
    use microslip_core_kinds, only: wp
@@ -55,7 +55,7 @@ contains
       real(wp), intent(out) :: force_error
       type(secants_t) :: secants
       real(wp) :: amplification, previous, change
-      logical :: singular, exact, new_states, renew
+      logical :: singular, exact, new_states, renew, some
       integer :: g, last_renewal
 
       call start_single(blocks, coupling)
@@ -66,39 +66,25 @@ contains
       last_renewal = 0
       do steps = 0, max_steps
          new_states = steps == 0
-         do g = 1, size(blocks)
-            call blocks(g)%update_states(new_states)
-         end do
-         residual = largest_residual(blocks)
+         call assess_all(blocks, new_states, .false., residual)
          if (.not. exact .and. (residual <= max(limit, exact_below*scale) .or. steps == max_steps)) then
             call evaluate_columns(blocks, coupling)
             exact = .true.
-            do g = 1, size(blocks)
-               call blocks(g)%update_states(new_states)
-            end do
-            residual = largest_residual(blocks)
+            call assess_all(blocks, new_states, .false., residual)
          end if
          if (residual <= limit .or. steps == max_steps) exit
-         if (prescribe(blocks)) then
-            call apply_changes(blocks, coupling)
-            exact = exact .and. largest_change(blocks) <= small_change*scale
-         end if
          ! New factors cure what is stale in them, not what groups cause in one another: that is for the secants.
          renew = residual > slow*previous .and. steps > last_renewal + patience
          if (renew) last_renewal = steps + 2*patience
-         if (new_states .or. renew) secants%count = 0
-         do g = 1, size(blocks)
-            call kept(g)%linearise(blocks(g))
-            if (new_states) then
-               call kept(g)%follow(blocks(g), singular)
-            else if (renew) then
-               call kept(g)%rebuild(blocks(g), singular)
-            end if
+         if (new_states .or. renew) then
+            secants%count = 0
+            call prescribe(blocks, coupling, some)
+            if (some) exact = exact .and. largest_change(blocks) <= small_change*scale
+            call fit_factors(blocks, kept, renew, singular)
             if (singular) exit
-         end do
-         if (singular) exit
+         end if
          do g = 1, size(blocks)
-            call kept(g)%solve(violations(blocks(g)), blocks(g)%dx_n(:blocks(g)%columns), blocks(g)%dx_t(:, :blocks(g)%columns))
+            call kept(g)%solve(blocks(g)%columns, blocks(g)%violation, blocks(g)%dx)
          end do
          call correct_by_secants(secants, blocks)
          call apply_changes(blocks, coupling)
@@ -109,6 +95,23 @@ contains
       end do
       force_error = amplification*residual
    end subroutine solve_newton
+
+   !> Factors for the states of all blocks, linearised at their trial forces.
+   subroutine fit_factors(blocks, kept, renew, singular)
+      type(contact_block_t), intent(in) :: blocks(:)
+      type(kept_factor_t), intent(inout) :: kept(:)
+      !> Anew, although what is kept could be bordered
+      logical, intent(in) :: renew
+      logical, intent(out) :: singular
+      integer :: g
+
+      do g = 1, size(blocks)
+         call kept(g)%linearise(blocks(g))
+         if (renew) call kept(g)%drop()
+         call kept(g)%follow(blocks(g), singular)
+         if (singular) return
+      end do
+   end subroutine fit_factors
 
    !> Largest change of a force by the last `apply_changes`, N.
    pure real(wp) function largest_change(blocks)
@@ -129,10 +132,8 @@ contains
 
       do g = 1, size(blocks)
          n = blocks(g)%columns
-         blocks(g)%dx_n(:n) = blocks(g)%x_n(:n)
-         blocks(g)%dx_t(:, :n) = blocks(g)%x_t(:, :n)
-         blocks(g)%x_n(:n) = 0.0_wp
-         blocks(g)%x_t(:, :n) = 0.0_wp
+         blocks(g)%dx(:, :n) = blocks(g)%x(:, :n)
+         blocks(g)%x(:, :n) = 0.0_wp
          blocks(g)%trial(:, :n) = blocks(g)%predicted(:, :n)
       end do
       call apply_changes(blocks, coupling)
@@ -150,8 +151,7 @@ contains
       first = 0
       do g = 1, size(blocks)
          n = blocks(g)%columns
-         step(1, first + 1:first + n) = blocks(g)%dx_n(:n)
-         step(2:3, first + 1:first + n) = blocks(g)%dx_t(:, :n)
+         step(:, first + 1:first + n) = blocks(g)%dx(:, :n)
          first = first + n
       end do
       do k = 1, secants%count - 1
@@ -171,51 +171,36 @@ contains
       first = 0
       do g = 1, size(blocks)
          n = blocks(g)%columns
-         blocks(g)%dx_n(:n) = step(1, first + 1:first + n)
-         blocks(g)%dx_t(:, :n) = step(2:3, first + 1:first + n)
+         blocks(g)%dx(:, :n) = step(:, first + 1:first + n)
          first = first + n
       end do
    end subroutine correct_by_secants
 
-   !> Changes that the states prescribe: closed points have no gap, sticking points no slip. False where there are none.
-   logical function prescribe(blocks)
+   !> Apply the changes that the states prescribe: closed points have no gap, sticking points no slip.
+   subroutine prescribe(blocks, coupling, some)
       type(contact_block_t), intent(inout) :: blocks(:)
+      real(wp), intent(in) :: coupling(:, :)
+      !> Whether there were any
+      logical, intent(out) :: some
+      real(wp) :: residual
+      logical :: changed
       integer :: a, g
 
-      prescribe = .false.
+      some = .false.
       do g = 1, size(blocks)
          associate (block => blocks(g))
-            block%dx_n(:block%columns) = 0.0_wp
-            block%dx_t(:, :block%columns) = 0.0_wp
+            block%dx(:, :block%columns) = 0.0_wp
             do a = 1, block%columns
                if (block%status(a) == state_open) cycle
-               block%dx_n(a) = -block%gap_old(a) - block%x_n(a)
-               if (block%status(a) /= state_slip) block%dx_t(:, a) = -block%x_t(:, a)
+               block%dx(1, a) = -block%gap_old(a) - block%x(1, a)
+               if (block%status(a) /= state_slip) block%dx(2:3, a) = -block%x(2:3, a)
             end do
-            prescribe = prescribe .or. any(block%dx_n(:block%columns) /= 0.0_wp) &
-               & .or. any(block%dx_t(:, :block%columns) /= 0.0_wp)
+            some = some .or. any(block%dx(:, :block%columns) /= 0.0_wp)
          end associate
       end do
-   end function prescribe
-
-   !> What the laws miss in the unknowns of the present states, (3, columns), N: open force = 0, slipping
-   !> force_t = mu force_n direction.
-   pure function violations(block) result(violation)
-      type(contact_block_t), intent(in) :: block
-      real(wp) :: violation(3, block%columns)
-      real(wp) :: w(2)
-      integer :: a
-
-      violation = 0.0_wp
-      do a = 1, block%columns
-         if (block%status(a) == state_open) then
-            violation(:, a) = block%trial(:, a)
-         else if (block%status(a) == state_slip) then
-            w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
-            violation(2:3, a) = block%trial(2:3, a) &
-               & - w*(block%friction(a)*max(0.0_wp, block%trial(1, a))/max(norm2(w), tiny(1.0_wp)))
-         end if
-      end do
-   end function violations
+      if (.not. some) return
+      call apply_changes(blocks, coupling)
+      call assess_all(blocks, changed, .true., residual)
+   end subroutine prescribe
 
 end module microslip_contact_block_newton

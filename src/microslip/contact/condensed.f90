@@ -11,7 +11,7 @@ module microslip_contact_condensed
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_block_gauss_seidel, only: sweep_gauss_seidel
    use microslip_contact_block_newton, only: solve_newton
-   use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, largest_residual, predict_all
+   use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, predict_all
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_open, state_stick
    use microslip_contact_lookout, only: lookout_t
@@ -29,7 +29,7 @@ module microslip_contact_condensed
    !> Newton steps before Gauss-Seidel is asked, sweeps it may take, and rounds of both.
    integer, parameter :: newton_steps = 40, rescue_sweeps = 400, rescue_rounds = 10
    !> Part of the tolerance that Newton is asked for.
-   real(wp), parameter :: newton_share = 1.0e-2_wp
+   real(wp), parameter :: newton_share = 1.0e-1_wp
    !> Rounds of solving and checking the rest.
    integer, parameter :: max_rounds = 200
    !> Open points of the base set that are carried along, and for how many steps the others are.
@@ -263,7 +263,7 @@ contains
       end do
       record%converged = record%converged .and. round <= max_rounds
       self%last_scale = force_scale(self)
-      record%residual = largest_residual(self%blocks)/self%last_scale
+      record%residual = maxval(self%blocks%residual)/self%last_scale
       call commit(self, problem, q, state, spent, looked, record)
       if (.not. self%lazy) call self%complete(problem, state)
    end subroutine advance
@@ -302,9 +302,8 @@ contains
          block%forced_open(a) = state%force(1, p) <= 0.0_wp .and. state%gap(1, p) > 0.0_wp
          block%gap_old(a) = 0.0_wp
       end if
-      block%x_n(a) = guess(1)
-      block%x_t(:, a) = guess(2:3)
-      if (.not. block%forced_open(a)) block%x_n(a) = max(block%x_n(a), -block%gap_old(a))
+      block%x(:, a) = guess
+      if (.not. block%forced_open(a)) block%x(1, a) = max(block%x(1, a), -block%gap_old(a))
    end subroutine set_start
 
    !> Size of the largest contact force in the step, as last known, N.
@@ -402,10 +401,7 @@ contains
          do g = 1, size(self%blocks)
             call self%kept(g)%drop()
             associate (block => self%blocks(g))
-               if (all(abs(block%x_n(:block%columns)) < huge(1.0_wp)) &
-                  & .and. all(abs(block%x_t(:, :block%columns)) < huge(1.0_wp))) cycle
-               block%x_n = 0.0_wp
-               block%x_t = 0.0_wp
+               if (.not. all(abs(block%x(:, :block%columns)) < huge(1.0_wp))) block%x = 0.0_wp
             end associate
          end do
          call sweep_gauss_seidel(self%blocks, self%base%coupling, self%tolerance*scale, rescue_sweeps, sweeps, residual)
@@ -422,6 +418,7 @@ contains
       real(wp), allocatable :: M(:, :), compliance(:, :), predicted(:, :), c(:), eps(:), force(:), friction(:), x(:, :)
       logical, allocatable :: forced_open(:)
       integer, allocatable :: place(:), status(:)
+      logical :: changed
       integer :: a, b, g, n, sweeps
 
       place = [integer ::]
@@ -463,9 +460,9 @@ contains
       b = 0
       do g = 1, size(self%blocks)
          associate (block => self%blocks(g))
-            block%x_n(:block%columns) = x(1, b + 1:b + block%columns)
-            block%x_t(:, :block%columns) = x(2:3, b + 1:b + block%columns)
+            block%x(:, :block%columns) = x(:, b + 1:b + block%columns)
             block%trial(:, :block%columns) = reshape(force(3*b + 1:3*(b + block%columns)), [3, block%columns])
+            call block%assess(changed, .false.)
             block%status(:block%columns) = status(b + 1:b + block%columns)
             b = b + block%columns
          end associate
@@ -483,7 +480,7 @@ contains
       call self%lookout%spend_drivers(dq, spent)
       do g = 1, size(self%blocks)
          associate (block => self%blocks(g))
-            call self%lookout%spend_moves(block%place(:block%columns), block%x_n, block%x_t, spent)
+            call self%lookout%spend_moves(block%place(:block%columns), block%x, spent)
          end associate
       end do
    end subroutine spend
@@ -511,21 +508,21 @@ contains
       j = size(self%base%inside)
       due = pack([(k, k=1, j)], spent(:j) >= self%lookout%margin(:j))
       if (size(due) == 0) return
-      moves = self%reference%moves(self%blocks)
+      moves = self%reference%moves(q, self%blocks)
       allocate (leaves(size(due)))
       do k = 1, size(due)
          j = due(k)
          p = self%base%inside(j)
-         force = self%reference%force_of(self%base, j, q, moves)
+         force = self%reference%force_of(self%base, j, moves)
          leaves(k) = leaves_cone(force, problem%friction(p), slack)
          looked(j) = problem%friction(p)*force(1) - norm2(force(2:3))
       end do
       more = any(leaves)
       if (.not. more) return
-      moves_before = self%reference%moves()
+      moves_before = self%reference%moves(state%q)
       do k = 1, size(due)
          if (.not. leaves(k)) cycle
-         force = self%reference%force_of(self%base, due(k), state%q, moves_before)
+         force = self%reference%force_of(self%base, due(k), moves_before)
          call follow(self, problem, state, due(k), force, moves=.true.)
       end do
       call predict_all(self%blocks, q - state%q)
@@ -552,10 +549,10 @@ contains
       due = pack([(k, k=1, size(self%base%outside))], spent(n + 1:) >= self%lookout%margin(n + 1:) .or. problem%velocity_level)
       points = due
       if (size(due) == 0) return
-      moves = self%reference%moves(self%blocks)
+      moves = self%reference%moves(q, self%blocks)
       allocate (closes(size(due)), source=.false.)
       do k = 1, size(due)
-         looked(n + due(k)) = self%reference%gap_outside(self%base, due(k), q, moves)
+         looked(n + due(k)) = self%reference%gap_outside(self%base, due(k), moves)
          p = self%base%outside(due(k))
          ! On velocity level a point joins in the step after it was seen closed.
          if (problem%velocity_level .and. state%gap(1, p) > 0.0_wp) cycle
@@ -577,11 +574,11 @@ contains
       real(wp) :: gap, gap_before
       integer :: j
 
-      before = self%reference%moves()
-      after = self%reference%moves(self%blocks)
+      before = self%reference%moves(state%q)
+      after = self%reference%moves(q, self%blocks)
       do j = 1, size(closes)
-         gap = self%reference%gap_outside(self%base, j, q, after)
-         gap_before = self%reference%gap_outside(self%base, j, state%q, before)
+         gap = self%reference%gap_outside(self%base, j, after)
+         gap_before = self%reference%gap_outside(self%base, j, before)
          closes(j) = gap + steps_ahead*(gap - gap_before) < 0.0_wp .or. any(closing == self%base%outside(j))
       end do
       points = pack(self%base%outside, closes)
@@ -685,7 +682,7 @@ contains
       associate (block => self%blocks(g))
          do a = 1, block%columns
             p = self%base%inside(block%place(a))
-            x = [block%x_n(a), block%x_t(:, a)]
+            x = block%x(:, a)
             state%status(p) = block%status(a)
             ! Slip that goes on goes on changing as it did.
             self%guess(:, p) = x
@@ -730,8 +727,8 @@ contains
          if (j > n) then
             state%gap(1, self%base%outside(j - n)) = looked(j)
          else if (looked(j) < look_ahead*rate) then
-            if (.not. allocated(moves%place)) moves = self%reference%moves()
-            call follow(self, problem, state, j, self%reference%force_of(self%base, j, state%q, moves), moves=.false.)
+            if (.not. allocated(moves%x)) moves = self%reference%moves(state%q)
+            call follow(self, problem, state, j, self%reference%force_of(self%base, j, moves), moves=.false.)
          end if
       end do
    end subroutine commit_looks

@@ -7,7 +7,7 @@ module microslip_contact_coupled_blocks
    implicit none(type, external)
    private
 
-   public :: predict_all, evaluate_columns, evaluate_others, apply_changes, largest_residual, count_columns
+   public :: predict_all, evaluate_columns, evaluate_others, apply_changes, assess_all, count_columns
 
 contains
 
@@ -79,24 +79,30 @@ contains
       if (size(incoming) == 0) return
       do g = 1, size(blocks)
          if (changes) then
-            outgoing(:, g) = blocks(g)%outgoing(blocks(g)%dx_n, blocks(g)%dx_t)
+            outgoing(:, g) = blocks(g)%outgoing(blocks(g)%dx)
          else
-            outgoing(:, g) = blocks(g)%outgoing(blocks(g)%x_n, blocks(g)%x_t)
+            outgoing(:, g) = blocks(g)%outgoing(blocks(g)%x)
          end if
       end do
       incoming = reshape(matmul(coupling, reshape(outgoing, [size(outgoing)])), shape(incoming))
    end subroutine exchange
 
-   !> Largest violation of the contact laws in all columns, N.
-   pure real(wp) function largest_residual(blocks)
-      type(contact_block_t), intent(in) :: blocks(:)
+   !> States of all columns (unless they are held) and what the laws miss, (`contact_block_t%assess`).
+   subroutine assess_all(blocks, changed, hold, residual)
+      type(contact_block_t), intent(inout) :: blocks(:)
+      !> Becomes true where a state changes
+      logical, intent(inout) :: changed
+      logical, intent(in) :: hold
+      !> Largest violation of the laws, N
+      real(wp), intent(out) :: residual
       integer :: g
 
-      largest_residual = 0.0_wp
+      residual = 0.0_wp
       do g = 1, size(blocks)
-         largest_residual = max(largest_residual, blocks(g)%residual())
+         call blocks(g)%assess(changed, hold)
+         residual = max(residual, blocks(g)%residual)
       end do
-   end function largest_residual
+   end subroutine assess_all
 
    !> Number of points that may move.
    pure integer function count_columns(blocks)

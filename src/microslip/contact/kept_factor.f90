@@ -24,6 +24,8 @@ module microslip_contact_kept_factor
       logical :: exists = .false.
       !> Codes of the inverted unknowns, and of the border: code > 0 came, -(place in `codes`) went
       integer, allocatable, private :: codes(:), border(:)
+      !> Places of the inverted unknowns among the increments
+      integer, allocatable, private :: entries(:)
       !> J^-1
       real(real32), allocatable, private :: inverse(:, :)
       !> (inverted, border) J^-1 times the border's columns; (border, inverted) its rows; Schur complement, its inverse
@@ -60,7 +62,7 @@ contains
          & source=0.0_wp)
       do a = 1, block%columns
          if (block%status(a) /= state_slip) cycle
-         w = block%trial(2:3, a) - block%stiffness_t(a)*block%x_t(:, a)
+         w = block%trial(2:3, a) - block%stiffness_t(a)*block%x(2:3, a)
          length = max(norm2(w), tiny(1.0_wp))
          self%direction(:, a) = w/length
          self%beta(a) = min(1.0_wp, block%friction(a)*max(0.0_wp, block%trial(1, a))/length)
@@ -128,6 +130,7 @@ contains
       logical, intent(out) :: singular
 
       self%codes = unknowns_of(block)
+      self%entries = entry_of(self%codes)
       self%border = [integer ::]
       call fill_jacobian(self, block, self%codes, self%codes, self%inverse)
       call inverse_single(self%inverse, singular)
@@ -242,76 +245,50 @@ contains
       if (singular) self%exists = .false.
    end subroutine extend_border
 
-   !> Increments dx with J dx = -residual: slipping points dx_t, open points dx_n and dx_t.
-   subroutine solve(self, residual, dx_n, dx_t)
+   !> Increments dx with J dx = -violation: slipping points have tangential ones, open points all three.
+   subroutine solve(self, columns, violation, dx)
       class(kept_factor_t), intent(in) :: self
-      !> (3, columns) N
-      real(wp), intent(in) :: residual(:, :)
-      !> (columns) and (2, columns) m: zero where nothing is unknown
-      real(wp), intent(out) :: dx_n(:), dx_t(:, :)
-      real(real32) :: x(size(self%codes)), r(size(self%codes)), z(size(self%border))
+      integer, intent(in) :: columns
+      !> (3 columns) N
+      real(wp), intent(in) :: violation(3*columns)
+      !> (3 columns) m: zero where nothing is unknown
+      real(wp), intent(out) :: dx(3*columns)
+      real(real32) :: x(size(self%codes)), z(size(self%border))
       real(wp) :: scale
       integer :: n, m, k
 
-      dx_n = 0.0_wp
-      dx_t = 0.0_wp
+      dx = 0.0_wp
       n = size(self%codes)
       m = size(self%border)
-      ! Single precision has a short range of exponents: solve for a residual of order one.
-      scale = max(maxval(abs(residual)), tiny(1.0_wp))
-      do k = 1, n
-         r(k) = entry(self%codes(k))
-      end do
+      if (columns == 0) return
+      ! Single precision has a short range of exponents: solve for a violation of order one.
+      scale = max(maxval(abs(violation)), tiny(1.0_wp))
       x = 0.0_real32
-      call add_product_single(n, n, self%inverse, r, x)
+      call add_product_single(n, n, self%inverse, n, real(-violation(self%entries)/scale, real32), x)
       if (m > 0) then
          do k = 1, m
             z(k) = 0.0_real32
-            if (self%border(k) > 0) z(k) = entry(self%border(k))
+            if (self%border(k) > 0) z(k) = -real(violation(entry_of(self%border(k)))/scale, real32)
          end do
          z = matmul(self%schur_inverse, z - matmul(self%below, x))
-         call add_product_single(n, m, self%right, -z, x)
+         call add_product_single(n, m, self%right, n, -z, x)
          do k = 1, m
-            if (self%border(k) > 0) call put(self%border(k), z(k))
             if (self%border(k) < 0) x(-self%border(k)) = 0.0_real32
          end do
       end if
-      do k = 1, n
-         call put(self%codes(k), x(k))
+      ! An unknown may be there twice: gone from the inverse, and back in the border.
+      dx(self%entries) = x*scale
+      do k = 1, m
+         if (self%border(k) > 0) dx(entry_of(self%border(k))) = dx(entry_of(self%border(k))) + z(k)*scale
       end do
-
-   contains
-
-      pure real(real32) function entry(code)
-         integer, intent(in) :: code
-         integer :: a
-         a = (code - 1)/kinds + 1
-         select case (mod(code - 1, kinds) + 1)
-         case (1, 4)
-            entry = -real(residual(2, a)/scale, real32)
-         case (2, 5)
-            entry = -real(residual(3, a)/scale, real32)
-         case default
-            entry = -real(residual(1, a)/scale, real32)
-         end select
-      end function entry
-
-      subroutine put(code, value)
-         integer, intent(in) :: code
-         real(real32), intent(in) :: value
-         integer :: a
-         if (value == 0.0_real32) return
-         a = (code - 1)/kinds + 1
-         select case (mod(code - 1, kinds) + 1)
-         case (1, 4)
-            dx_t(1, a) = dx_t(1, a) + real(value, wp)*scale
-         case (2, 5)
-            dx_t(2, a) = dx_t(2, a) + real(value, wp)*scale
-         case default
-            dx_n(a) = dx_n(a) + real(value, wp)*scale
-         end select
-      end subroutine put
-
    end subroutine solve
+
+   !> Place of an unknown among the three increments of all columns.
+   elemental integer function entry_of(code)
+      integer, intent(in) :: code
+      integer, parameter :: component(kinds) = [2, 3, 1, 2, 3]
+
+      entry_of = 3*((code - 1)/kinds) + component(mod(code - 1, kinds) + 1)
+   end function entry_of
 
 end module microslip_contact_kept_factor

@@ -2,10 +2,11 @@
 !>
 !> A margin is what a sticking point has left to its cone, mu force_n - |force_t|, or the gap of an open point.
 !> In a step it shrinks by no more than
-!>     slope |D^-1 dq|  +  sum over tiles of influence |x_tile|
+!>     slope |D^-1 dq|  +  sum over tiles of influence_n |x_n,tile| + influence_t |x_t,tile|
 !> (Cauchy-Schwarz): D weighs the drivers by how far they move in a step and how much they matter - the bound is
-!> tightest with D^2 = |dq|/|slope|. A tile is a run of base points, x are their gap increments. What the steps have used up is added up; only where it reaches the margin must the point
-!> be looked at. In a stretch without slip that is one multiplication per point.
+!> tightest with D^2 = |dq|/|slope|. A tile is a run of base points, x are their gap increments; slip hardly matters to
+!> gaps, so it counts by itself. What the steps have used up is added up; only where it reaches the margin must the
+!> point be looked at. In a stretch without slip that is one multiplication per point.
 module microslip_contact_lookout
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_problem, only: contact_problem_t
@@ -25,7 +26,7 @@ module microslip_contact_lookout
       !> (drivers) by how much they move in a step, and D
       real(wp), allocatable, private :: moves(:), weight(:)
       !> (watched) and (watched, tiles)
-      real(wp), allocatable, private :: slope(:), influence(:, :)
+      real(wp), allocatable, private :: slope(:), influence_n(:, :), influence_t(:, :)
    contains
       procedure :: survey
       procedure :: weigh
@@ -41,26 +42,30 @@ contains
       type(contact_problem_t), intent(in) :: problem
       type(base_set_t), intent(in) :: base
       integer :: n, m, t, j, k, first, last
-      real(wp) :: squares(3)
+      real(wp) :: effect(3)
 
       n = size(base%inside)
       m = size(base%outside)
-      if (allocated(self%margin)) deallocate (self%margin, self%used, self%influence)
+      if (allocated(self%margin)) deallocate (self%margin, self%used, self%influence_n, self%influence_t)
       allocate (self%margin(n + m), self%used(n + m), source=0.0_wp)
-      allocate (self%influence(n + m, (n + tile_size - 1)/tile_size), source=0.0_wp)
-      !$omp parallel do default(none) shared(self, problem, base, n, m) private(first, last, j, k, squares) schedule(static)
-      do t = 1, size(self%influence, 2)
+      t = (n + tile_size - 1)/tile_size
+      allocate (self%influence_n(n + m, t), self%influence_t(n + m, t), source=0.0_wp)
+      !$omp parallel do default(none) shared(self, problem, base, n, m) &
+      !$omp& private(first, last, j, k, effect) schedule(static)
+      do t = 1, size(self%influence_n, 2)
          first = 3*tile_size*(t - 1) + 1
          last = min(3*tile_size*t, 3*n)
          do j = 1, n
-            squares = 0.0_wp
-            do k = first, last
-               squares = squares + base%M(3*j - 2:3*j, k)**2
+            do k = 1, 3
+               effect(k) = norm2([norm2(base%M(first + k - 1:last:3, 3*j - 1)), norm2(base%M(first + k - 1:last:3, 3*j))]) &
+                  & + problem%friction(base%inside(j))*norm2(base%M(first + k - 1:last:3, 3*j - 2))
             end do
-            self%influence(j, t) = sqrt(squares(2) + squares(3)) + problem%friction(base%inside(j))*sqrt(squares(1))
+            self%influence_n(j, t) = effect(1)
+            self%influence_t(j, t) = norm2(effect(2:3))
          end do
          do j = 1, m
-            self%influence(n + j, t) = norm2(base%T_t(first:last, j))
+            self%influence_n(n + j, t) = norm2(base%T_t(first:last:3, j))
+            self%influence_t(n + j, t) = norm2([norm2(base%T_t(first + 1:last:3, j)), norm2(base%T_t(first + 2:last:3, j))])
          end do
       end do
       !$omp end parallel do
@@ -108,25 +113,28 @@ contains
    end subroutine spend_drivers
 
    !> Add what base points that move use up.
-   pure subroutine spend_moves(self, places, x_n, x_t, spent)
+   pure subroutine spend_moves(self, places, x, spent)
       class(lookout_t), intent(in) :: self
       !> Base points that move
       integer, intent(in) :: places(:)
-      !> Their increments (normal; 2, tangential), m; there may be more of them than places
-      real(wp), intent(in) :: x_n(:), x_t(:, :)
+      !> (3, places or more) their increments, m
+      real(wp), intent(in) :: x(:, :)
       !> (watched)
       real(wp), intent(inout) :: spent(:)
-      real(wp) :: squares(size(self%influence, 2))
+      real(wp) :: squares_n(size(self%influence_n, 2)), squares_t(size(self%influence_n, 2))
       integer :: k, t
 
       if (size(places) == 0) return
-      squares = 0.0_wp
+      squares_n = 0.0_wp
+      squares_t = 0.0_wp
       do k = 1, size(places)
          t = (places(k) - 1)/tile_size + 1
-         squares(t) = squares(t) + x_n(k)**2 + sum(x_t(:, k)**2)
+         squares_n(t) = squares_n(t) + x(1, k)**2
+         squares_t(t) = squares_t(t) + x(2, k)**2 + x(3, k)**2
       end do
-      do t = 1, size(squares)
-         if (squares(t) > 0.0_wp) spent = spent + self%influence(:, t)*sqrt(squares(t))
+      do t = 1, size(squares_n)
+         if (squares_n(t) > 0.0_wp) spent = spent + self%influence_n(:, t)*sqrt(squares_n(t))
+         if (squares_t(t) > 0.0_wp) spent = spent + self%influence_t(:, t)*sqrt(squares_t(t))
       end do
    end subroutine spend_moves
 

@@ -10,7 +10,7 @@ module microslip_contact_reference
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: product_symmetric
+   use microslip_linalg_dense, only: add_dots, product_symmetric
    implicit none(type, external)
    private
 
@@ -39,12 +39,18 @@ module microslip_contact_reference
       procedure :: report
    end type reference_t
 
-   !> The base points that moved since the reference, and by how much.
+   !> By how much the base points moved since the reference.
    type :: moves_t
-      integer, allocatable :: place(:)
-      !> (3, moved) m
-      real(wp), allocatable :: x(:, :)
+      !> (3 inside) m
+      real(wp), allocatable :: x(:)
+      !> First and last unknown of the runs of points outside of which x = 0
+      integer, allocatable :: first(:), last(:)
+      !> (drivers) q - q_ref
+      real(wp), allocatable :: dq(:)
    end type moves_t
+
+   !> So many points at rest between two that moved do not end a run.
+   integer, parameter :: bridged = 4
 
 contains
 
@@ -92,84 +98,82 @@ contains
       self%has_moved = .false.
    end subroutine move_up
 
-   !> What moved since, with the increments of the present step (in the blocks) or without.
-   function moves(self, blocks) result(list)
+   !> What moved since, up to a driver, with the increments of the present step (in the blocks) or without.
+   function moves(self, q, blocks) result(list)
       class(reference_t), intent(in) :: self
+      real(wp), intent(in) :: q(:)
       type(contact_block_t), intent(in), optional :: blocks(:)
       type(moves_t) :: list
-      real(wp) :: x(3, size(self%has_moved))
       logical :: moved(size(self%has_moved))
-      integer :: a, g, j
+      integer :: first(size(moved)), last(size(moved))
+      integer :: a, g, j, runs
 
-      x = self%moved
+      list%x = reshape(self%moved, [size(self%moved)])
+      list%dq = q - self%q
       moved = self%has_moved
       if (present(blocks)) then
          do g = 1, size(blocks)
             do a = 1, blocks(g)%columns
                j = blocks(g)%place(a)
-               x(:, j) = x(:, j) + [blocks(g)%x_n(a), blocks(g)%x_t(:, a)]
+               list%x(3*j - 2:3*j) = list%x(3*j - 2:3*j) + blocks(g)%x(:, a)
                moved(j) = .true.
             end do
          end do
       end if
-      list%place = pack([(j, j=1, size(moved))], moved)
-      list%x = x(:, list%place)
+      runs = 0
+      do j = 1, size(moved)
+         if (.not. moved(j)) cycle
+         if (runs > 0) then
+            if (3*j - 2 - last(runs) <= 3*bridged) then
+               last(runs) = 3*j
+               cycle
+            end if
+         end if
+         runs = runs + 1
+         first(runs) = 3*j - 2
+         last(runs) = 3*j
+      end do
+      list%first = first(:runs)
+      list%last = last(:runs)
    end function moves
 
-   !> Force of a point of the base set at a driver, N.
-   pure function force_of(self, base, place, q, moves) result(force)
+   !> Force of a point of the base set after moves, N.
+   pure function force_of(self, base, place, moves) result(force)
       class(reference_t), intent(in) :: self
       type(base_set_t), intent(in) :: base
       !> Its place in the base set
       integer, intent(in) :: place
-      real(wp), intent(in) :: q(:)
       type(moves_t), intent(in) :: moves
-      real(wp) :: force(3), f_1, f_2, f_3
-      integer :: j, k, m
+      real(wp) :: force(3)
+      integer :: i, k
 
-      k = 3*place
-      f_1 = 0.0_wp
-      f_2 = 0.0_wp
-      f_3 = 0.0_wp
-      !$omp simd reduction(+:f_1, f_2, f_3)
-      do m = 1, size(q)
-         f_1 = f_1 + base%slope(m, k - 2)*(q(m) - self%q(m))
-         f_2 = f_2 + base%slope(m, k - 1)*(q(m) - self%q(m))
-         f_3 = f_3 + base%slope(m, k)*(q(m) - self%q(m))
-      end do
-      !$omp simd reduction(+:f_1, f_2, f_3) private(j)
-      do m = 1, size(moves%place)
-         j = 3*moves%place(m)
-         f_1 = f_1 + base%M(j - 1, k - 2)*moves%x(2, m) + base%M(j, k - 2)*moves%x(3, m)
-         f_2 = f_2 + base%M(j - 1, k - 1)*moves%x(2, m) + base%M(j, k - 1)*moves%x(3, m)
-         f_3 = f_3 + base%M(j - 1, k)*moves%x(2, m) + base%M(j, k)*moves%x(3, m)
-      end do
-      force = self%force(:, place) + [f_1, f_2, f_3]
-      do m = 1, size(moves%place)
-         if (moves%x(1, m) == 0.0_wp) cycle
-         force = force + base%M(3*moves%place(m) - 2, k - 2:k)*moves%x(1, m)
+      k = 3*place - 2
+      force = self%force(:, place)
+      call add_dots(size(moves%dq), base%slope(1, k), size(base%slope, 1), moves%dq, force)
+      do i = 1, size(moves%first)
+         ! M is symmetric: the column of the point is its row.
+         call add_dots(moves%last(i) - moves%first(i) + 1, base%M(moves%first(i), k), size(base%M, 1), &
+            & moves%x(moves%first(i)), force)
       end do
    end function force_of
 
-   !> Normal gap of a point outside the base set at a driver, m.
-   pure real(wp) function gap_outside(self, base, place, q, moves)
+   !> Normal gap of a point outside the base set after moves, m.
+   pure real(wp) function gap_outside(self, base, place, moves)
       class(reference_t), intent(in) :: self
       type(base_set_t), intent(in) :: base
       !> Its place among the points outside
       integer, intent(in) :: place
-      real(wp), intent(in) :: q(:)
       type(moves_t), intent(in) :: moves
-      real(wp) :: gap
-      integer :: j, m
+      real(wp) :: gap(1)
+      integer :: i
 
-      gap = self%gap(place) + dot_product(base%slope_outside(:, place), q - self%q)
-      !$omp simd reduction(+:gap) private(j)
-      do m = 1, size(moves%place)
-         j = 3*moves%place(m)
-         gap = gap + base%T_t(j - 2, place)*moves%x(1, m) + base%T_t(j - 1, place)*moves%x(2, m) &
-            & + base%T_t(j, place)*moves%x(3, m)
+      gap = self%gap(place)
+      call add_dots(size(moves%dq), base%slope_outside(1, place), size(base%slope_outside, 1), moves%dq, gap)
+      do i = 1, size(moves%first)
+         call add_dots(moves%last(i) - moves%first(i) + 1, base%T_t(moves%first(i), place), size(base%T_t, 1), &
+            & moves%x(moves%first(i)), gap)
       end do
-      gap_outside = gap
+      gap_outside = gap(1)
    end function gap_outside
 
    !> Forces of all points of the base set and gaps of all outside.

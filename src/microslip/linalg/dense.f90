@@ -11,7 +11,7 @@ module microslip_linalg_dense
 
    public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
    public :: eigen_symmetric, eigen_generalised
-   public :: product_of, product_symmetric, add_product, gram_product, mirror_upper
+   public :: product_of, product_symmetric, add_product, add_dots, gram_product, mirror_upper
    public :: inverse_single, add_product_single, orthonormalise
 
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
@@ -333,46 +333,70 @@ contains
 
    !> y <- y + A x with the leading m rows and n columns of A. Written out, not BLAS: it is called by threads of its own,
    !> and a product that is bound by memory gains nothing from a kernel.
-   subroutine add_product(m, n, a, x, y)
-      integer, intent(in) :: m, n
-      real(wp), intent(in) :: a(:, :)
+   subroutine add_product(m, n, a, lda, x, y)
+      integer, intent(in) :: m, n, lda
+      !> Leading dimension lda
+      real(wp), intent(in) :: a(lda, *)
       !> n values
       real(wp), intent(in) :: x(*)
       !> m values (at least)
       real(wp), intent(inout) :: y(*)
       integer :: i, j
 
-      do j = 1, n - 3, 4
+      do j = 1, n - 7, 8
          !$omp simd
          do i = 1, m
-            y(i) = y(i) + a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)
+            y(i) = y(i) + (a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)) &
+               & + (a(i, j + 4)*x(j + 4) + a(i, j + 5)*x(j + 5) + a(i, j + 6)*x(j + 6) + a(i, j + 7)*x(j + 7))
          end do
       end do
-      do j = n - mod(n, 4) + 1, n
+      do j = n - mod(n, 8) + 1, n
          y(:m) = y(:m) + a(:m, j)*x(j)
       end do
    end subroutine add_product
 
    !> The same in single precision.
-   subroutine add_product_single(m, n, a, x, y)
-      integer, intent(in) :: m, n
-      real(real32), intent(in), contiguous :: a(:, :)
+   subroutine add_product_single(m, n, a, lda, x, y)
+      integer, intent(in) :: m, n, lda
+      real(real32), intent(in) :: a(lda, *)
       !> n values
       real(real32), intent(in) :: x(*)
       !> m values (at least)
       real(real32), intent(inout) :: y(*)
       integer :: i, j
 
-      do j = 1, n - 3, 4
+      do j = 1, n - 7, 8
          !$omp simd
          do i = 1, m
-            y(i) = y(i) + a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)
+            y(i) = y(i) + (a(i, j)*x(j) + a(i, j + 1)*x(j + 1) + a(i, j + 2)*x(j + 2) + a(i, j + 3)*x(j + 3)) &
+               & + (a(i, j + 4)*x(j + 4) + a(i, j + 5)*x(j + 5) + a(i, j + 6)*x(j + 6) + a(i, j + 7)*x(j + 7))
          end do
       end do
-      do j = n - mod(n, 4) + 1, n
+      do j = n - mod(n, 8) + 1, n
          y(:m) = y(:m) + a(:m, j)*x(j)
       end do
    end subroutine add_product_single
+
+   !> sums = sums + A^T x for a few columns of n rows.
+   pure subroutine add_dots(n, a, lda, x, sums)
+      integer, intent(in) :: n, lda
+      !> Leading dimension lda, as many columns as sums
+      real(wp), intent(in) :: a(lda, *)
+      !> n values
+      real(wp), intent(in) :: x(*)
+      real(wp), intent(inout) :: sums(:)
+      real(wp) :: total
+      integer :: i, j
+
+      do j = 1, size(sums)
+         total = 0.0_wp
+         !$omp simd reduction(+:total)
+         do i = 1, n
+            total = total + a(i, j)*x(i)
+         end do
+         sums(j) = sums(j) + total
+      end do
+   end subroutine add_dots
 
    !> A becomes its inverse, in single precision.
    subroutine inverse_single(a, singular)
