@@ -28,6 +28,7 @@ contains
          new_unittest('references', test_references), &
          new_unittest('interface_values', test_interface_values), &
          new_unittest('several', test_several), &
+         new_unittest('modal_parameters', test_modal_parameters), &
          new_unittest('announced', test_announced)]
    end subroutine collect_io_case_faults
 
@@ -250,12 +251,62 @@ contains
       call expect(error, faults, "did you mean 'damping'?")
    end subroutine test_several
 
+   !> `&qsma` and `&ringdown`.
+   subroutine test_modal_parameters(error)
+      type(error_type), allocatable, intent(out) :: error
+
+      call one_fault(error, "'transient'", "'qsma', 'transient'", "&qsma: the group is missing")
+      call one_fault(error, "&transient", "&qsma largest_amplitude = 1e-4 /"//nl//"&transient", &
+         "&qsma: allowed: only with 'qsma' in the analyses of &case")
+      call one_fault(error, "&transient", "&ringdown /"//nl//"&transient", &
+         "&ringdown: allowed: only with 'ringdown' in the analyses of &case")
+      call qsma_fault("", "exactly one of 'amplitudes', 'largest_amplitude'")
+      call qsma_fault("amplitudes = 1e-6, 2e-6, largest_amplitude = 1e-4", &
+         "largest_amplitude = 1e-4: allowed: only one of 'amplitudes', 'largest_amplitude'")
+      call qsma_fault("amplitudes = 1e-6, 2e-6, 2e-6", "amplitudes = 1e-6, 2e-6, 2e-6: allowed: ascending numbers")
+      call qsma_fault("amplitudes = 1e-6, 0", "amplitudes(2) = 0: allowed: a finite number > 0")
+      call qsma_fault("amplitudes = 1e-6, levels = 3", "levels = 3: allowed: only with largest_amplitude")
+      call qsma_fault("largest_amplitude = 1e-4, smallest_amplitude = 1e-4", &
+         "smallest_amplitude = 1e-4: allowed: a number below largest_amplitude")
+      call qsma_fault("largest_amplitude = 1e-4, spacing = 'cubic'", "spacing = 'cubic': allowed: 'log', 'linear'")
+      call qsma_fault("largest_amplitude = 1e-4, cycle = yes", "cycle = yes: allowed: .true. or .false.")
+      call qsma_fault("largest_amplitude = 1e-4, cycle = '.true.'", "cycle = '.true.': allowed: .true. or .false.")
+      call qsma_fault("largest_amplitude = 1e-4, cycle_steps = 3", "cycle_steps = 3: allowed: only with cycle = .true.")
+      call qsma_fault("largest_amplitude = 1e-4, mode = 11", "mode = 11: allowed: a mode (here 11) out of the 10")
+      call qsma_fault("largest_amplitude = 1e-4, sensor = 'end'", &
+         "sensor = 'end': allowed: one of the sensors of &output, 'middle'")
+      call one_fault(error, "'linear_modes', 'transient' /", "'qsma', 'linear_modes', 'transient' /"//nl// &
+         "&qsma largest_amplitude = 1e-4 /", "mode: missing: allowed: a linear mode only with 'linear_modes' before 'qsma'")
+      call one_fault(error, "'transient' /", "'transient', 'ringdown' /", "&ringdown: the group is missing")
+      call ringdown_fault("periods = 1", "periods = 1: allowed: a finite number >= 2 and <= 10000")
+      call ringdown_fault("overlap = 1", "overlap = 1: allowed: a finite number >= 0 and < 1")
+      call ringdown_fault("start = 0.1", "start = 0.1: allowed: before the end of the &transient, < 0.1 s")
+      call ringdown_fault("mode = 12", "mode = 12: allowed: a mode (here 12) out of the 10")
+      call ringdown_fault("/ &excitation load = 'impact', kind = 'harmonic', amplitude = 1.0, frequency = 200.0", &
+         "&ringdown: allowed: only with excitations of kind 'half_sine'")
+      call one_fault(error, "'transient' /", "'ringdown', 'transient' /"//nl//"&ringdown /", &
+         "&ringdown: allowed: only with 'transient' before 'ringdown'")
+
+   contains
+
+      subroutine qsma_fault(keys, expected)
+         character(len=*), intent(in) :: keys, expected
+         call one_fault(error, "'transient' /", "'qsma', 'transient' /"//nl//"&qsma "//keys//" /", expected)
+      end subroutine qsma_fault
+
+      subroutine ringdown_fault(keys, expected)
+         character(len=*), intent(in) :: keys, expected
+         call one_fault(error, "'transient' /", "'transient', 'ringdown' /"//nl//"&ringdown "//keys//" /", expected)
+      end subroutine ringdown_fault
+
+   end subroutine test_modal_parameters
+
    subroutine test_announced(error)
       type(error_type), allocatable, intent(out) :: error
 
-      call one_fault(error, "'transient'", "'transient', 'qsma'", "analyses(4) = 'qsma': allowed: "// &
-         "'preload', 'linear_modes', 'transient' (this one is announced, but not available yet)")
-      call one_fault(error, "&transient", "&qsma /"//nl//"&transient", "&qsma: announced, but not available yet")
+      call one_fault(error, "'transient'", "'transient', 'settling'", "analyses(4) = 'settling': allowed: "// &
+         "'preload', 'linear_modes', 'transient', 'qsma', 'ringdown' (this one is announced, but not available yet)")
+      call one_fault(error, "&transient", "&settling /"//nl//"&transient", "&settling: announced, but not available yet")
       call one_fault(error, "source = 'hdf5'", "source = 'abaqus'", &
          "source = 'abaqus': allowed: 'hdf5', 'calculix' (this one is announced, but not available yet)")
    end subroutine test_announced

@@ -23,6 +23,7 @@ contains
          new_unittest('defaults', test_defaults), &
          new_unittest('every_option', test_every_option), &
          new_unittest('round_trip', test_round_trip), &
+         new_unittest('modal_parameters', test_modal_parameters), &
          new_unittest('native_read', test_native_read), &
          new_unittest('ground', test_ground), &
          new_unittest('file', test_file)]
@@ -150,6 +151,38 @@ contains
       if (allocated(error)) return
       call check(error, trim(again%title), trim(input%title))
    end subroutine test_round_trip
+
+   !> `&qsma` and `&ringdown`: defaults, every key, and the same again from the resolved text.
+   subroutine test_modal_parameters(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(case_t) :: input, again
+      character(len=:), allocatable :: text
+      integer :: at
+
+      text = beam_case()
+      at = index(text, "'transient' /")
+      text = text(:at - 1)//"'qsma', 'transient', 'ringdown' /"//nl//"&qsma largest_amplitude = 1e-4 /"//nl//"&ringdown /"// &
+         text(at + len("'transient' /"):)
+      call valid_case(error, text, input)
+      if (allocated(error)) return
+      call check(error, input%qsma%mode == 1 .and. input%qsma%levels == 20 .and. .not. input%qsma%cycle .and. &
+         .not. allocated(input%ringdown%mode) .and. same(input%ringdown%periods, 10.0_wp) .and. &
+         all(input%find_sensors(input%qsma%sensor) == [1]), 'defaults')
+      if (allocated(error)) return
+      at = index(text, "&qsma")
+      text = text(:at - 1)//"&qsma mode = 2, amplitudes = 1e-6, 1e-5, sensor = 'MIDDLE', steps = 3, cycle = .TRUE., "// &
+         "cycle_steps = 7 /"//nl//"&ringdown mode = 2, sensor = 'middle', periods = 5.5, overlap = 0.0, start = 0.01 /"// &
+         text(index(text, "&ringdown /") + len("&ringdown /"):)
+      call valid_case(error, text, input)
+      if (allocated(error)) return
+      call valid_case(error, resolved_text(input), again)
+      if (allocated(error)) return
+      call check(error, resolved_text(again), resolved_text(input))
+      if (allocated(error)) return
+      call check(error, again%qsma%mode == 2 .and. all(same(again%qsma%amplitudes, [1.0e-6_wp, 1.0e-5_wp])) .and. &
+         again%qsma%steps == 3 .and. again%qsma%cycle .and. again%qsma%cycle_steps == 7 .and. again%ringdown%mode == 2 .and. &
+         same(again%ringdown%periods, 5.5_wp) .and. same(again%ringdown%start, 0.01_wp), 'every key')
+   end subroutine test_modal_parameters
 
    !> The compiler's own namelist read understands the resolved text and finds the same values.
    subroutine test_native_read(error)

@@ -1,17 +1,19 @@
 !> The points in potential contact: valleys of the surface that stay open are left out (paper section 3.1).
 !>
 !> A point takes part if its initial gap is at most that of the deepest point that closes under the preload
-!> without friction, plus a margin. Leaving out is verified by the analyses afterwards.
+!> without friction, plus a margin. Leaving out is verified by the analyses afterwards; where points had to join, the
+!> state an analysis started from is carried over to the wider set.
 module microslip_analysis_potential_set
    use microslip_analysis_preload, only: preload_options_t, static_problem, frictionless_preload
-   use microslip_contact_problem, only: contact_problem_t
+   use microslip_contact_laws, only: state_open
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, gap_of
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
 
-   public :: choose_potential_set
+   public :: choose_potential_set, potential_points, carry_over
 
    !> Share of the points that the search starts from, and number of points below which none is left out.
    real(wp), parameter :: first_share = 0.15_wp
@@ -63,6 +65,45 @@ contains
       end do
       call failure(error, 'the set of points in potential contact does not settle')
    end subroutine choose_potential_set
+
+   !> Whether a grid point is in potential contact, (grid points of all pads).
+   pure function potential_points(system) result(potential)
+      type(jointed_system_t), intent(in) :: system
+      logical, allocatable :: potential(:)
+      integer :: k, first
+
+      allocate (potential(system%grid_point_count()), source=.false.)
+      first = 0
+      do k = 1, size(system%pads)
+         potential(first + system%pads(k)%potential) = .true.
+         first = first + system%pads(k)%grid%point_count()
+      end do
+   end function potential_points
+
+   !> A contact state of an earlier, smaller potential contact set on the present one: points that joined are open.
+   subroutine carry_over(system, before, contact)
+      type(jointed_system_t), intent(in) :: system
+      !> (grid points of all pads) the set that the state belongs to
+      logical, intent(in) :: before(:)
+      type(contact_state_t), intent(inout) :: contact
+      type(contact_state_t) :: old
+      logical, allocatable :: known(:)
+      integer, allocatable :: place(:)
+      integer :: k
+
+      known = pack(before, potential_points(system))
+      place = pack([(k, k=1, size(known))], known)
+      old = contact
+      deallocate (contact%force, contact%status)
+      allocate (contact%force(3, size(known)), source=0.0_wp)
+      allocate (contact%status(size(known)), source=state_open)
+      contact%force(:, place) = old%force
+      contact%status(place) = old%status
+      contact%gap = gap_of(system%problem, contact%q, contact%force)
+      do k = 1, size(place)
+         if (old%status(k) /= state_open) contact%gap(:, place(k)) = old%gap(:, k)
+      end do
+   end subroutine carry_over
 
    !> Initial gap and pad of every grid point.
    subroutine list_points(system, initial_gap, pad_of)

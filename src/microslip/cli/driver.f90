@@ -1,10 +1,13 @@
 !> Runs the cases of a command line: reads, builds, analyses in the order asked for, writes.
 module microslip_cli_driver
+   use microslip_analysis_decay_recorder, only: decay_recorder_t
    use microslip_analysis_excitation, only: excitation_t, kind_half_sine, kind_harmonic
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_potential_set, only: choose_potential_set
+   use microslip_analysis_potential_set, only: choose_potential_set, potential_points, carry_over
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
+   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
+   use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, run_transient
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
@@ -22,6 +25,7 @@ module microslip_cli_driver
    use microslip_fe_reduction, only: reduction_options_t, reduce
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
+   use microslip_io_modal_results, only: write_qsma, write_ringdown
    use microslip_io_model_file, only: write_model_hdf5
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
    use microslip_io_results, only: results_t
@@ -41,6 +45,8 @@ module microslip_cli_driver
       type(jointed_system_t) :: system
       type(operating_state_t) :: state
       type(linear_modes_t) :: modes
+      !> What the time integration leaves for the identification of the ring-down
+      type(decay_t) :: decay
       type(results_t) :: results
       type(stopwatch_t) :: clock
       type(log_t) :: log
@@ -299,6 +305,10 @@ contains
             if (.not. allocated(error)) call run%results%write_linear_modes(run%modes, error)
          case ('transient')
             call transient(run, line, error)
+         case ('qsma')
+            call qsma(run, error)
+         case ('ringdown')
+            call ringdown(run, error)
          end select
          if (allocated(error)) return
       end do
@@ -400,24 +410,35 @@ contains
       type(command_line_t), intent(in) :: line
       type(error_t), allocatable, intent(out) :: error
       type(transient_options_t) :: options
-      type(transient_results_t) :: recorder
+      type(transient_results_t), target :: recorder
+      type(decay_recorder_t) :: keeper
       type(transient_record_t) :: record
       type(error_t), allocatable :: ignored
+      logical, allocatable :: before(:)
 
       call add_modal_loads(run, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
       if (allocated(error)) return
-      if (run%case%damping%reference == 'preloaded') then
-         if (.not. allocated(run%modes%frequency)) call linear_modes(run, error)
-         if (allocated(error)) return
-         run%system%damping = damping(run)
-      end if
       options = transient_options(run)
       call recorder%create(run%results, run%system, sensor_names(run), error)
       if (allocated(error)) return
       call recorder%line%start('transient', options%duration, line%quiet)
-      call run_transient(run%system, run%state, options, contact_options(run), recorder, record, error)
+      before = potential_points(run%system)
+      if (run%case%runs('ringdown')) then
+         keeper%onward => recorder
+         if (allocated(run%case%ringdown%mode)) then
+            call shape_of_mode(run, 'ringdown', run%case%ringdown%mode, keeper%phi, error)
+            if (allocated(error)) return
+            keeper%origin = run%state%modal
+         end if
+         call run_transient(run%system, run%state, options, contact_options(run), keeper, record, error)
+         run%decay = keeper%decay()
+      else
+         call run_transient(run%system, run%state, options, contact_options(run), recorder, record, error)
+      end if
       call recorder%write_summary(record, ignored)
       call recorder%close(ignored)
+      if (record%points_added > 0) call carry_over(run%system, before, run%state%contact)
       if (record%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
       call run%clock%stop('transient')
       call run%log%line('transient: '//to_text(record%steps)//' steps of '//to_text(options%time_step)//' s, ' &
@@ -430,6 +451,114 @@ contains
       if (record%unconverged > 0) call failure(error, 'transient: '//to_text(record%unconverged)//' of ' &
          & //to_text(record%steps)//' steps did not converge')
    end subroutine transient
+
+   !> Damping that refers to the preloaded structure.
+   subroutine settle_damping(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+
+      if (run%case%damping%reference /= 'preloaded') return
+      if (.not. allocated(run%modes%frequency)) call linear_modes(run, error)
+      if (.not. allocated(error)) run%system%damping = damping(run)
+   end subroutine settle_damping
+
+   !> Shape of a linear mode.
+   subroutine shape_of_mode(run, analysis, mode, phi, error)
+      type(run_t), intent(in) :: run
+      !> Who asks
+      character(len=*), intent(in) :: analysis
+      integer, intent(in) :: mode
+      real(wp), allocatable, intent(out) :: phi(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (mode > size(run%modes%frequency)) then
+         call failure(error, analysis//': mode '//to_text(mode)//' is asked for, but only ' &
+            & //to_text(size(run%modes%frequency))//' are retained')
+      else
+         phi = run%modes%shape(:, mode)
+      end if
+   end subroutine shape_of_mode
+
+   !> Quasi-static modal analysis.
+   subroutine qsma(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(qsma_options_t) :: options
+      type(qsma_record_t) :: record
+
+      options = qsma_options(run)
+      call shape_of_mode(run, 'qsma', run%case%qsma%mode, options%phi, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
+      if (allocated(error)) return
+      options%frequency = run%modes%frequency(run%case%qsma%mode)
+      call run_qsma(run%system, run%state, options, contact_options(run), record, error)
+      call run%clock%stop('qsma')
+      if (allocated(error)) return
+      associate (last => size(record%combined))
+         call run%log%line('qsma: '//to_text(last)//' amplitudes, '//to_text(1.0e6_wp*record%combined(1)%amplitude, 3)//' to ' &
+            & //to_text(1.0e6_wp*record%combined(last)%amplitude, 4)//' um; frequency ' &
+            & //to_text(record%combined(1)%frequency, 6)//' to '//to_text(record%combined(last)%frequency, 6) &
+            & //' Hz; damping ratio '//to_text(record%combined(1)%damping_ratio, 3)//' to ' &
+            & //to_text(record%combined(last)%damping_ratio, 3))
+      end associate
+      call run%log%line('qsma: '//to_text(record%iterations)//' iterations ('//to_text(record%points_added) &
+         & //' points taken in), largest residual '//to_text(record%residual, 2)//', error estimate ' &
+         & //to_text(record%error_estimate, 2))
+      call write_qsma(run%results%file, record, error)
+      if (.not. allocated(error) .and. record%points_added > 0) call write_system(run, error)
+      call run%clock%stop('write')
+      if (.not. allocated(error) .and. record%unconverged > 0) call failure(error, 'qsma: '// &
+         & to_text(record%unconverged)//' load steps did not converge')
+   end subroutine qsma
+
+   !> Options of the quasi-static modal analysis, but for the mode.
+   function qsma_options(run) result(options)
+      type(run_t), intent(in) :: run
+      type(qsma_options_t) :: options
+      real(wp) :: smallest
+
+      associate (record => run%case%qsma)
+         if (allocated(record%amplitudes)) then
+            options%amplitude = record%amplitudes
+         else
+            smallest = record%largest_amplitude/merge(100, record%levels, record%spacing == 'log')
+            if (allocated(record%smallest_amplitude)) smallest = record%smallest_amplitude
+            options%amplitude = spaced_amplitudes(smallest, record%largest_amplitude, record%levels, record%spacing == 'log')
+         end if
+         options%sensors = run%case%find_sensors(record%sensor)
+         options%steps = record%steps
+         options%cycle = record%cycle
+         options%cycle_steps = record%cycle_steps
+      end associate
+   end function qsma_options
+
+   !> Modal parameters from the free decay that the time integration left.
+   subroutine ringdown(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(ringdown_options_t) :: options
+      type(ringdown_t) :: found
+
+      associate (record => run%case%ringdown)
+         options%periods = record%periods
+         options%overlap = record%overlap
+         options%sensors = run%case%find_sensors(record%sensor)
+         if (size(run%case%excitations) > 0) options%start = maxval(run%case%excitations%start + run%case%excitations%duration)
+         if (allocated(record%start)) options%start = record%start
+         if (allocated(record%mode)) options%frequency = run%modes%frequency(record%mode)
+      end associate
+      call identify_ringdown(run%decay, options, found, error)
+      call run%clock%stop('ringdown')
+      if (allocated(error)) return
+      associate (last => size(found%time))
+         call run%log%line('ringdown: '//to_text(last)//' windows of '//to_text(found%window, 3)//' s; amplitude ' &
+            & //to_text(1.0e6_wp*found%amplitude(1), 4)//' to '//to_text(1.0e6_wp*found%amplitude(last), 4)//' um, frequency ' &
+            & //to_text(found%frequency(1), 6)//' to '//to_text(found%frequency(last), 6)//' Hz, damping ratio ' &
+            & //to_text(found%damping_ratio(1), 3)//' to '//to_text(found%damping_ratio(last), 3))
+      end associate
+      call write_ringdown(run%results%file, found, error)
+      call run%clock%stop('write')
+   end subroutine ringdown
 
    !> Names of the sensors.
    function sensor_names(run) result(names)

@@ -98,7 +98,29 @@ contains
       call log%line('contact compliance: '//why_form(fft, nint(unknowns)))
       if (case%runs('transient')) call log%line('transient: '//to_text(case%transient%duration)//' s; the time step follows ' &
          & //'from the highest retained frequency unless it is given')
+      call report_modal(log, case)
    end subroutine report_cost
+
+   !> The analyses that end in modal parameters over amplitude.
+   subroutine report_modal(log, case)
+      type(log_t), intent(in) :: log
+      type(case_t), intent(in) :: case
+      integer :: levels
+
+      if (case%runs('qsma')) then
+         levels = case%qsma%levels
+         if (allocated(case%qsma%amplitudes)) levels = size(case%qsma%amplitudes)
+         call log%line('qsma: mode '//to_text(case%qsma%mode)//', '//to_text(levels)//' amplitudes in both directions, ' &
+            & //to_text(case%qsma%steps)//' load steps each')
+         if (case%qsma%cycle) then
+            call log%line('qsma: hysteresis loops of 2 x '//to_text(case%qsma%cycle_steps)//' load steps at every amplitude')
+         else
+            call log%line("skipped, qsma: hysteresis loops (cycle = .false., Masing's rule on the loading curves alone)")
+         end if
+      end if
+      if (case%runs('ringdown')) call log%line('ringdown: windows of '//to_text(case%ringdown%periods) &
+         & //' periods, overlap '//to_text(case%ringdown%overlap))
+   end subroutine report_modal
 
    !> What this case does not need.
    subroutine report_skipped(log, case, scene)

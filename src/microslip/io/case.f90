@@ -10,7 +10,7 @@ module microslip_io_case
 
    public :: case_t, model_case_t, interface_case_t, topography_case_t, reduction_case_t, damping_case_t
    public :: contact_case_t, load_case_t, preload_case_t, linear_modes_case_t, transient_case_t
-   public :: excitation_case_t, output_case_t, name_length, path_length
+   public :: excitation_case_t, output_case_t, qsma_case_t, ringdown_case_t, name_length, path_length
 
    !> Longest name (of node sets, loads, options) and longest file path or title.
    integer, parameter :: name_length = 64, path_length = 1024
@@ -175,6 +175,38 @@ module microslip_io_case
       real(wp) :: frequency = 0.0_wp, phase = 0.0_wp
    end type excitation_case_t
 
+   !> `&qsma`: quasi-static modal analysis. Either `amplitudes` or `largest_amplitude` is allocated.
+   type :: qsma_case_t
+      !> Linear mode about the preload
+      integer :: mode = 1
+      !> (levels) m, ascending
+      real(wp), allocatable :: amplitudes(:)
+      !> m; not allocated: a hundredth of the largest ('log'), or the distance of the levels ('linear')
+      real(wp), allocatable :: largest_amplitude, smallest_amplitude
+      integer :: levels = 20
+      !> 'log' or 'linear'
+      character(len=name_length) :: spacing = 'log'
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> Load steps between two levels
+      integer :: steps = 1
+      !> Hysteresis loops, and load steps of half a loop
+      logical :: cycle = .false.
+      integer :: cycle_steps = 5
+   end type qsma_case_t
+
+   !> `&ringdown`: identification from the free decay of the time integration.
+   type :: ringdown_case_t
+      !> Linear mode whose coordinate is looked at; not allocated: the sensor itself
+      integer, allocatable :: mode
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> Window in periods of the mode, and the part of it that the next one shares
+      real(wp) :: periods = 10.0_wp, overlap = 0.9_wp
+      !> s, begin of the free decay; not allocated: the end of the last excitation
+      real(wp), allocatable :: start
+   end type ringdown_case_t
+
    !> `&output`: what is stored, where and how often.
    type :: output_case_t
       !> Result file; blank: the case's name with .h5 in the current folder
@@ -207,6 +239,8 @@ module microslip_io_case
       type(preload_case_t) :: preload
       type(linear_modes_case_t) :: linear_modes
       type(transient_case_t) :: transient
+      type(qsma_case_t) :: qsma
+      type(ringdown_case_t) :: ringdown
       type(excitation_case_t), allocatable :: excitations(:)
       type(output_case_t) :: output
    contains
@@ -214,6 +248,7 @@ module microslip_io_case
       procedure :: located
       procedure :: find_load
       procedure :: find_topography
+      procedure :: find_sensors
    end type case_t
 
 contains
@@ -221,7 +256,7 @@ contains
    !> Whether an analysis is to be run.
    pure logical function runs(self, analysis)
       class(case_t), intent(in) :: self
-      !> 'preload', 'linear_modes' or 'transient'
+      !> One of the names of `&case`
       character(len=*), intent(in) :: analysis
       runs = .false.
       if (allocated(self%analyses)) runs = any(self%analyses == analysis)
@@ -250,6 +285,22 @@ contains
          if (name /= '' .and. lower_case(self%loads(k)%name) == lower_case(name)) find_load = k
       end do
    end function find_load
+
+   !> Indices of the sensors with this name (case does not matter), of the first name if it is blank.
+   pure function find_sensors(self, name) result(sensors)
+      class(case_t), intent(in) :: self
+      !> Node set of one or more sensors, which then differ by their directions
+      character(len=*), intent(in) :: name
+      integer, allocatable :: sensors(:)
+      integer :: k
+
+      allocate (sensors(0))
+      if (.not. allocated(self%output%sensors)) return
+      do k = 1, size(self%output%sensors)
+         if (lower_case(self%output%sensors(k)) == lower_case(name) .or. &
+            (name == '' .and. lower_case(self%output%sensors(k)) == lower_case(self%output%sensors(1)))) sensors = [sensors, k]
+      end do
+   end function find_sensors
 
    !> Index of the topography with this name (case does not matter), 0 if there is none: flat.
    pure integer function find_topography(self, name)

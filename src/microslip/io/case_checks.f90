@@ -44,6 +44,11 @@ contains
             call check_preload(groups(k), input, loads)
          case ('excitation')
             call check_excitation(groups(k), input, loads)
+         case ('qsma')
+            call check_mode(groups(k), input, 'mode', 'qsma', input%qsma%mode, 'a linear mode')
+            call check_sensor(groups(k), input, input%qsma%sensor)
+         case ('ringdown')
+            call check_ringdown(groups(k), input)
          case ('output')
             call check_output(groups(k), input)
          end select
@@ -82,16 +87,17 @@ contains
       type(case_t), intent(in) :: input
 
       select case (group%name)
-      case ('preload', 'linear_modes', 'transient')
+      case ('preload', 'linear_modes', 'transient', 'qsma', 'ringdown')
          if (.not. input%runs(group%name)) call group%fault('', "only with '"//group%name// &
             "' in the analyses of &case, the group would be ignored here")
       case ('excitation')
          if (.not. input%runs('transient')) call group%fault('', &
             "only with 'transient' in the analyses of &case, the group would be ignored here")
       case ('output')
-         if (.not. input%runs('transient')) call group%ignored( &
-            [character(len=16) :: 'sensors', 'sensor_direction', 'stride', 'snapshots'], &
+         if (.not. input%runs('transient')) call group%ignored([character(len=16) :: 'stride', 'snapshots'], &
             "with 'transient' in the analyses of &case")
+         if (.not. (input%runs('transient') .or. input%runs('qsma'))) call group%ignored( &
+            [character(len=16) :: 'sensors', 'sensor_direction'], "with 'transient' or 'qsma' in the analyses of &case")
       end select
    end subroutine check_use
 
@@ -195,7 +201,8 @@ contains
          if (group%sound('load') .and. load == 0) then
             call group%fault('load', known_names('load', excitation%load, loads))
          else if (load > 0 .and. allocated(input%analyses)) then
-            if (input%loads(load)%kind == 'modal') call check_modal_load(group, input, input%loads(load)%mode)
+            if (input%loads(load)%kind == 'modal') &
+               call check_mode(group, input, 'load', 'transient', input%loads(load)%mode, 'a modal load')
          end if
          if (input%transient%duration > 0.0_wp .and. excitation%start >= input%transient%duration &
              .and. group%sound('start')) &
@@ -203,23 +210,67 @@ contains
       end associate
    end subroutine check_excitation
 
-   !> A modal load needs its linear mode before the time integration.
-   subroutine check_modal_load(group, input, mode)
+   !> A linear mode is there when an analysis needs it.
+   subroutine check_mode(group, input, key, analysis, mode, what)
       type(group_keys_t), intent(inout) :: group
       type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: key, analysis
       integer, intent(in) :: mode
-      integer :: modes_at, transient_at
+      !> What needs the mode, in words
+      character(len=*), intent(in) :: what
 
-      modes_at = findloc(input%analyses, 'linear_modes', 1)
-      transient_at = findloc(input%analyses, 'transient', 1)
-      if (transient_at == 0) return
-      if (modes_at == 0 .or. modes_at > transient_at) then
-         call group%fault('load', "a modal load only with 'linear_modes' before 'transient' in the analyses of &case")
+      if (.not. allocated(input%analyses)) return
+      if (.not. input%runs(analysis)) return
+      if (.not. comes_before(input, 'linear_modes', analysis)) then
+         call group%fault(key, what//" only with 'linear_modes' before '"//analysis//"' in the analyses of &case")
       else if (mode > input%linear_modes%n_modes) then
-         call group%fault('load', 'a mode (here '//to_text(mode)//') out of the '//to_text(input%linear_modes%n_modes)// &
+         call group%fault(key, 'a mode (here '//to_text(mode)//') out of the '//to_text(input%linear_modes%n_modes)// &
             ' of &linear_modes')
       end if
-   end subroutine check_modal_load
+   end subroutine check_mode
+
+   !> Whether an analysis is run before another one.
+   pure logical function comes_before(input, first, second)
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: first, second
+
+      associate (at => findloc(input%analyses, first, 1))
+         comes_before = at > 0 .and. at < findloc(input%analyses, second, 1)
+      end associate
+   end function comes_before
+
+   !> A sensor measures the amplitude: it exists.
+   subroutine check_sensor(group, input, sensor)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: sensor
+
+      if (.not. allocated(input%output%sensors)) then
+         call group%fault('sensor', 'one of the sensors of &output, but there is none')
+      else if (size(input%find_sensors(sensor)) == 0) then
+         call group%fault('sensor', 'one of the sensors of &output, '//quoted_list(input%output%sensors))
+      end if
+   end subroutine check_sensor
+
+   !> A ring-down is identified from a time integration whose excitations end before its start.
+   subroutine check_ringdown(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+
+      if (.not. allocated(input%analyses)) return
+      if (.not. input%runs('ringdown')) return
+      if (.not. comes_before(input, 'transient', 'ringdown')) call group%fault('', &
+         "only with 'transient' before 'ringdown' in the analyses of &case")
+      if (allocated(input%ringdown%mode)) &
+         call check_mode(group, input, 'mode', 'transient', input%ringdown%mode, 'a linear mode')
+      call check_sensor(group, input, input%ringdown%sensor)
+      if (any(input%excitations%kind == 'harmonic')) call group%fault('', &
+         "only with excitations of kind 'half_sine', the others never end")
+      if (allocated(input%ringdown%start) .and. input%transient%duration > 0.0_wp) then
+         if (input%ringdown%start >= input%transient%duration) call group%fault('start', &
+            'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
+      end if
+   end subroutine check_ringdown
 
    !> Snapshots lie within the time integration.
    subroutine check_output(group, input)

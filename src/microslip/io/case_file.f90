@@ -12,6 +12,7 @@ module microslip_io_case_file
       output_keys
    use microslip_io_case_checks, only: check_case
    use microslip_io_case_interface, only: interface_keys, topography_keys
+   use microslip_io_case_modal, only: qsma_keys, ringdown_keys
    use microslip_io_case_model, only: case_keys, model_keys, reduction_keys, damping_keys, contact_keys
    use microslip_io_group_keys, only: group_keys_t, reading, writing
    use microslip_io_namelist_text, only: namelist_group_t, scan_namelists
@@ -20,11 +21,10 @@ module microslip_io_case_file
 
    public :: read_case, case_from_text, resolved_text
 
-   character(len=*), parameter :: single(9) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
-      'contact', 'preload', 'linear_modes', 'transient', 'output']
+   character(len=*), parameter :: single(11) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
+      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'output']
    character(len=*), parameter :: repeated(4) = [character(len=16) :: 'interface', 'topography', 'load', 'excitation']
-   character(len=*), parameter :: announced(5) = &
-      [character(len=16) :: 'qsma', 'ringdown', 'settling', 'harmonic_balance', 'epmc']
+   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
    !> Larger files are no case files (characters).
    integer, parameter :: largest_file = 4000000
 
@@ -111,6 +111,8 @@ contains
       if (input%runs('preload')) text = text//written('preload')
       if (input%runs('linear_modes')) text = text//written('linear_modes')
       if (input%runs('transient')) text = text//written('transient')//all_written('excitation', size(input%excitations))
+      if (input%runs('qsma')) text = text//written('qsma')
+      if (input%runs('ringdown')) text = text//written('ringdown')
       text = text//written('output')
 
    contains
@@ -158,6 +160,8 @@ contains
       case ('preload'); call preload_keys(keys, input%preload)
       case ('linear_modes'); call linear_modes_keys(keys, input%linear_modes)
       case ('transient'); call transient_keys(keys, input%transient)
+      case ('qsma'); call qsma_keys(keys, input%qsma)
+      case ('ringdown'); call ringdown_keys(keys, input%ringdown)
       case ('excitation'); call excitation_keys(keys, input%excitations(keys%number))
       case ('output'); call output_keys(keys, input%output)
       end select
@@ -252,6 +256,8 @@ contains
       call require('reduction', .true.)
       call require('preload', input%runs('preload'))
       call require('transient', input%runs('transient'))
+      call require('qsma', input%runs('qsma'))
+      call require('ringdown', input%runs('ringdown'))
 
    contains
 

@@ -1,4 +1,4 @@
-!> The keys of a namelist group by type: real numbers, integers, names, lists and tables of them.
+!> The keys of a namelist group by type: real numbers, integers, switches, names, lists and tables of them.
 !>
 !> A group's procedure (`interface_keys`, ...) calls one of these once per key, with the component of the record,
 !> the allowed values, and whether the key is required. While reading, values go from the text into the record, and
@@ -26,6 +26,7 @@ module microslip_io_group_keys
       procedure :: real_list
       procedure :: real_table
       procedure :: integer_key
+      procedure :: logical_key
       procedure :: optional_integer
       procedure :: name_key
       procedure :: name_list
@@ -177,6 +178,28 @@ contains
          call self%write_values(key, [to_text(value)])
       end if
    end subroutine integer_key
+
+   !> A switch, .true. or .false.
+   subroutine logical_key(self, key, value)
+      class(group_keys_t), intent(inout) :: self
+      !> Name of the key
+      character(len=*), intent(in) :: key
+      !> Holds the default on entry, the given value on return
+      logical, intent(inout) :: value
+      type(namelist_value_t), allocatable :: elements(:)
+
+      if (.not. self%is_reading) then
+         call self%write_values(key, [merge('.true. ', '.false.', value)])
+         return
+      end if
+      call self%fetch(key, '.true. or .false.', 1, [1, 1], elements)
+      if (size(elements) /= 1) return
+      if (any(lower_case(elements(1)%text) == ['.true. ', '.false.']) .and. .not. elements(1)%quoted) then
+         value = lower_case(elements(1)%text) == '.true.'
+      else
+         call self%fault(key, '.true. or .false.', elements(1))
+      end if
+   end subroutine logical_key
 
    !> An integer that may be left unset.
    subroutine optional_integer(self, key, value, range)

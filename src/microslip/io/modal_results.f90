@@ -1,0 +1,171 @@
+!> Frequency and damping over amplitude in the result file: /qsma and /ringdown (doc/results.md).
+module microslip_io_modal_results
+   use microslip_analysis_qsma, only: modal_parameters_t, qsma_record_t
+   use microslip_analysis_ringdown, only: ringdown_t
+   use microslip_analysis_static_path, only: static_point_t
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   use microslip_io_hdf5, only: hdf5_file_t
+   implicit none(type, external)
+   private
+
+   public :: write_qsma, write_ringdown
+
+contains
+
+   !> Quasi-static modal analysis: /qsma.
+   subroutine write_qsma(file, record, error)
+      !> Open result file
+      type(hdf5_file_t), intent(in) :: file
+      type(qsma_record_t), intent(in) :: record
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: side(2) = ['/qsma/positive', '/qsma/negative']
+      integer :: k
+
+      call put_parameters(file, '/qsma', record%combined, error)
+      do k = 1, 2
+         call put_parameters(file, side(k), record%direction(:, k), error)
+         call put_curve(file, side(k), record%curve(:, k), error)
+      end do
+      if (allocated(record%loop)) then
+         call put_parameters(file, '/qsma/cycle', record%loop, error)
+         call put(file, '/qsma/cycle/closure', record%closure, '1', &
+            & '[level]: distance of the ends of the last loop over its width', error, '/qsma/cycle/amplitude')
+         call put_integers(file, '/qsma/cycle/rounds', record%rounds, 'how often the loop was gone round', error, &
+            & '/qsma/cycle/amplitude')
+      end if
+      call put_integer(file, '/qsma/iterations', record%iterations, 'iterations of the contact solver in all load steps', error)
+      call put_integer(file, '/qsma/unconverged_steps', record%unconverged, 'load steps that did not converge', error)
+      call put_integer(file, '/qsma/points_added', record%points_added, 'points that joined the potential contact set', error)
+      call put_number(file, '/qsma/largest_residual', record%residual, &
+         & 'largest violation of the contact laws over the contact force', error)
+      call put_number(file, '/qsma/largest_error_estimate', record%error_estimate, &
+         & 'largest estimated error over the contact force', error)
+   end subroutine write_qsma
+
+   !> Modal parameters over amplitude.
+   subroutine put_parameters(file, group, modes, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: group
+      type(modal_parameters_t), intent(in) :: modes(:)
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: axis
+
+      axis = group//'/amplitude'
+      call put(file, axis, modes%amplitude, 'm', '[level]: amplitude at the sensor', error)
+      if (.not. allocated(error)) call file%make_scale(axis, 'amplitude', error)
+      call put(file, group//'/frequency', modes%frequency, 'Hz', '[level]: natural frequency', error, axis)
+      call put(file, group//'/damping_ratio', modes%damping_ratio, '1', &
+         & '[level]: damping ratio, of friction and linear viscous damping', error, axis)
+      call put(file, group//'/friction_damping_ratio', modes%friction_damping_ratio, '1', &
+         & '[level]: damping ratio, of friction alone', error, axis)
+      call put(file, group//'/viscous_damping_ratio', modes%viscous_damping_ratio, '1', &
+         & '[level]: damping ratio, of linear viscous damping alone', error, axis)
+      call put(file, group//'/dissipated_energy', modes%dissipated_energy, 'J', &
+         & '[level]: energy that a cycle loses to friction', error, axis)
+   end subroutine put_parameters
+
+   !> A loading curve.
+   subroutine put_curve(file, group, points, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: group
+      type(static_point_t), intent(in) :: points(:)
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: axis
+      real(wp), allocatable :: sensor(:, :)
+      integer :: k
+
+      axis = group//'/amplitude'
+      call put(file, group//'/load', points%load, 'm sqrt(kg)/s^2', '[level]: factor on the load M phi', error, axis)
+      call put(file, group//'/modal_displacement', points%displacement, 'm sqrt(kg)', &
+         & '[level]: modal displacement from the preload', error, axis)
+      sensor = reshape([(points(k)%sensor, k=1, size(points))], [size(points(1)%sensor), size(points)])
+      if (.not. allocated(error)) call file%write(group//'/sensor', sensor, 'm', &
+         & '[level, sensor]: displacement from the preload', error)
+      if (.not. allocated(error)) call file%attach_scale(group//'/sensor', 2, axis, error)
+      call put(file, group//'/work', points%work, 'J', '[level]: work of the load (trapezoids over the load steps)', error, axis)
+      call put(file, group//'/stored_energy', points%stored_energy, 'J', &
+         & '[level]: elastic energy, with the potential of the loads that are held, since the preload', error, axis)
+      call put(file, group//'/friction_loss', points%friction_loss, 'J', '[level]: energy lost to friction', error, axis)
+      call put(file, group//'/balance_error', points%balance_error, 'J', &
+         & '[level]: work less stored energy and friction loss', error, axis)
+      call put_integers(file, group//'/iterations', points%iterations, &
+         & 'iterations of the contact solver up to here', error, axis)
+      call put(file, group//'/residual', points%residual, '1', &
+         & '[level]: largest violation of the contact laws over the contact force up to here', error, axis)
+      call put(file, group//'/error_estimate', points%error_estimate, '1', &
+         & '[level]: largest estimated error over the contact force up to here', error, axis)
+      call put_integers(file, group//'/contact/open', [(points(k)%counts(1), k=1, size(points))], &
+         & 'open points of the potential contact set', error, axis)
+      call put_integers(file, group//'/contact/stick', [(points(k)%counts(2), k=1, size(points))], &
+         & 'sticking points', error, axis)
+      call put_integers(file, group//'/contact/slip', [(points(k)%counts(3), k=1, size(points))], &
+         & 'slipping points', error, axis)
+   end subroutine put_curve
+
+   !> Identification of the free decay: /ringdown.
+   subroutine write_ringdown(file, found, error)
+      !> Open result file
+      type(hdf5_file_t), intent(in) :: file
+      type(ringdown_t), intent(in) :: found
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: axis = '/ringdown/time'
+
+      call put(file, axis, found%time, 's', 'middle of the windows', error)
+      if (.not. allocated(error)) call file%make_scale(axis, 'time', error)
+      call put(file, '/ringdown/amplitude', found%amplitude, 'm', '[time]: amplitude at the sensor', error, axis)
+      call put(file, '/ringdown/frequency', found%frequency, 'Hz', '[time]: frequency, from the Fourier transform', error, axis)
+      call put(file, '/ringdown/damping_ratio', found%damping_ratio, '1', &
+         & '[time]: damping ratio, from the Fourier transform', error, axis)
+      call put(file, '/ringdown/signal_amplitude', found%signal_amplitude, 'SI', &
+         & '[time]: amplitude of the signal, m sqrt(kg) of a mode, m of a sensor, from the Fourier transform', error, axis)
+      call put(file, '/ringdown/peaks/signal_amplitude', found%peak_amplitude, 'SI', &
+         & '[time]: amplitude of the signal, from its peaks', error, axis)
+      call put(file, '/ringdown/peaks/frequency', found%peak_frequency, 'Hz', '[time]: frequency, from the peaks', error, axis)
+      call put(file, '/ringdown/peaks/damping_ratio', found%peak_damping_ratio, '1', &
+         & '[time]: damping ratio, from the peaks', error, axis)
+      if (.not. allocated(error)) call file%write('/ringdown/window', found%window, 's', 'length of a window', error)
+   end subroutine write_ringdown
+
+   !> Write numbers, and their axis, unless an earlier write failed.
+   subroutine put(file, path, values, units, description, error, axis)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      real(wp), intent(in) :: values(:)
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=*), intent(in), optional :: axis
+
+      if (.not. allocated(error)) call file%write(path, values, units, description, error)
+      if (.not. allocated(error) .and. present(axis)) call file%attach_scale(path, 1, axis, error)
+   end subroutine put
+
+   !> The same for counts, one per level.
+   subroutine put_integers(file, path, values, description, error, axis)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, description, axis
+      integer, intent(in) :: values(:)
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (.not. allocated(error)) call file%write(path, values, '1', '[level]: '//description, error)
+      if (.not. allocated(error)) call file%attach_scale(path, 1, axis, error)
+   end subroutine put_integers
+
+   !> A single count.
+   subroutine put_integer(file, path, value, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, description
+      integer, intent(in) :: value
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, '1', description, error)
+   end subroutine put_integer
+
+   !> A single number.
+   subroutine put_number(file, path, value, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, description
+      real(wp), intent(in) :: value
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, '1', description, error)
+   end subroutine put_number
+
+end module microslip_io_modal_results
