@@ -42,6 +42,7 @@ contains
 
       call make_jenkins(spring, damping, element, limit, system, state, lib)
       b = limit/element
+      options%sensors = [1]
       options%shape = [1.0_wp]
       options%frequency = sqrt(spring + element)/(2.0_wp*pi)
       options%amplitude_range = [0.1_wp*b, 100.0_wp*b]

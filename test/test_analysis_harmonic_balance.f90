@@ -80,7 +80,7 @@ contains
       real(wp), parameter :: accuracy = 1.0e-5_wp
 
       call make_preloaded([9, 6], hill, 0.4_wp, system, state, lib)
-      if (.not. allocated(lib)) call balance%set_up(system, state, 2, 24, condensed(), lib)
+      if (.not. allocated(lib)) call balance%set_up(system, state, [1], 2, 24, condensed(), lib)
       call good(error, lib)
       if (allocated(error)) return
       x = [(0.3_wp*size_of*sin(3.0_wp*k), k=1, balance%unknowns())]
@@ -143,8 +143,9 @@ contains
 
       call make_preloaded([4, 3], 0.0_wp, 1.0e3_wp, system, state, lib)
       if (.not. allocated(lib)) call stuck_stiffness(system, state%contact%status, stiffness, lib)
+      options%sensors = [1]
       options%load = impact_load
-      options%levels = [1.0_wp, 40.0_wp]
+      options%levels = [0.1_wp, 4.0_wp]
       options%frequency_range = [180.0_wp, 300.0_wp]
       options%frequency_step = 5.0_wp
       options%harmonics = 3
@@ -197,6 +198,7 @@ contains
       integer :: k
 
       call make_jenkins(spring, damping, element, limit, system, state, lib)
+      options%sensors = [1]
       options%load = 1
       options%levels = [load]
       options%frequency_range = [10.0_wp, 30.0_wp]
@@ -209,7 +211,7 @@ contains
       largest = 0.0_wp
       b = limit/element
       do k = 1, size(collector%points)
-         a = collector%points(k)%amplitude(1)
+         a = collector%points(k)%amplitude
          omega = 2.0_wp*pi*collector%points(k)%frequency
          in_phase = element*a
          loss = 0.0_wp

@@ -25,8 +25,8 @@ module microslip_analysis_epmc
       !> (modes) linear mode about the operating state, of unit modal mass, and its frequency in Hz
       real(wp), allocatable :: shape(:)
       real(wp) :: frequency = 0.0_wp
-      !> Sensor that the amplitudes refer to
-      integer :: sensor = 1
+      !> The directions of the sensor that the amplitudes refer to
+      integer, allocatable :: sensors(:)
       !> m, first and last amplitude at the sensor, by the shape of the linear mode
       real(wp) :: amplitude_range(2) = 0.0_wp
       !> Points on the curve if no step need be shortened
@@ -76,7 +76,8 @@ contains
       real(wp), allocatable :: y(:)
       real(wp) :: per_sensor
 
-      call problem%balance%set_up(system, operating, options%harmonics, options%samples, contact_options, error)
+      call problem%balance%set_up(system, operating, options%sensors, options%harmonics, options%samples, &
+         & contact_options, error)
       if (allocated(error)) return
       problem%shape = options%shape
       problem%omega = 2.0_wp*pi*options%frequency
@@ -105,16 +106,16 @@ contains
       real(wp), allocatable :: y(:)
       real(wp) :: seen, a
 
-      seen = dot_product(problem%balance%system%sensor_modal(:, options%sensor), problem%shape)
-      a = minval(options%amplitude_range)/max(abs(seen), tiny(1.0_wp))
+      seen = norm2(matmul(problem%shape, problem%balance%system%sensor_modal(:, options%sensors)))
+      a = minval(options%amplitude_range)/max(seen, tiny(1.0_wp))
       if (.not. a < huge(1.0_wp)) a = minval(options%amplitude_range)
       y = linear_mode(problem, log10(a))
       call problem%balance%evaluate(a*y(:problem%balance%unknowns()))
       point = problem%balance%describe()
-      if (.not. point%amplitude(options%sensor) > epsilon(1.0_wp)*a*norm2(problem%shape)) then
+      if (.not. point%amplitude > epsilon(1.0_wp)*a*norm2(problem%shape)) then
          call failure(error, 'epmc: the sensor does not see the mode')
       else
-         per_sensor = a/point%amplitude(options%sensor)
+         per_sensor = a/point%amplitude
       end if
    end subroutine modal_amplitude_per_sensor
 

@@ -25,6 +25,8 @@ module microslip_analysis_harmonic_balance
    type :: harmonic_balance_options_t
       !> Index of the load in the system
       integer :: load = 0
+      !> The directions of the sensor whose amplitude is told
+      integer, allocatable :: sensors(:)
       !> Factors on the load pattern, one curve each
       real(wp), allocatable :: levels(:)
       !> Hz, from where to where
@@ -74,7 +76,8 @@ contains
       integer :: k
 
       allocate (records(size(options%levels)))
-      call problem%balance%set_up(system, operating, options%harmonics, options%samples, contact_options, error)
+      call problem%balance%set_up(system, operating, options%sensors, options%harmonics, options%samples, &
+         & contact_options, error)
       if (allocated(error)) return
       problem%balance%load = options%load
       problem%frequency_step = options%frequency_step

@@ -7,8 +7,9 @@
 !> improved by Broyden's rank-one update with every evaluation.
 module microslip_analysis_periodic_balance
    use microslip_analysis_fourier, only: fourier_t, new_fourier
-   use microslip_analysis_operating_state, only: follow_set, operating_state_t
+   use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_contact, only: contact_cycle_t, periodic_contact_t
+   use microslip_analysis_potential_set, only: carry_over, potential_points
    use microslip_analysis_response_point, only: response_point_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t
@@ -28,6 +29,8 @@ module microslip_analysis_periodic_balance
       !> Load with the amplitude level cos(tau), 0: none
       integer :: load = 0
       real(wp) :: level = 0.0_wp
+      !> Sensors whose amplitude is told: the directions of one
+      integer, allocatable :: sensors(:)
       !> (modes, 2H + 1) of the last evaluation: x, F
       real(wp), allocatable :: x(:, :), force(:, :)
       !> The march of the last evaluation
@@ -53,11 +56,13 @@ module microslip_analysis_periodic_balance
 contains
 
    !> Prepare at the operating state.
-   subroutine set_up(self, system, operating, harmonics, samples, contact_options, error)
+   subroutine set_up(self, system, operating, sensors, harmonics, samples, contact_options, error)
       class(periodic_balance_t), intent(inout) :: self
       !> It must outlive this object
       type(jointed_system_t), intent(inout), target :: system
       type(operating_state_t), intent(in) :: operating
+      !> The directions of the sensor whose amplitude is told
+      integer, intent(in) :: sensors(:)
       !> H and N > 2H
       integer, intent(in) :: harmonics, samples
       type(contact_options_t), intent(in) :: contact_options
@@ -66,6 +71,7 @@ contains
       self%system => system
       self%operating = operating
       self%contact_options = contact_options
+      self%sensors = sensors
       self%fourier = new_fourier(harmonics, samples)
       system%problem%velocity_level = contact_options%velocity_level
       call begin(self, error)
@@ -182,8 +188,9 @@ contains
          & - spread(self%sensor, 2, self%fourier%samples)
       point%modal = self%x
       point%sensor = matmul(u, transpose(self%fourier%projection))
-      point%amplitude = norm2(point%sensor(:, 2:), dim=2)
-      point%phase = atan2(-point%sensor(:, 3), point%sensor(:, 2))
+      point%amplitude = norm2(point%sensor(self%sensors, 2:))
+      n = self%sensors(maxloc(norm2(point%sensor(self%sensors, 2:3), dim=2), dim=1))
+      point%phase = atan2(-point%sensor(n, 3), point%sensor(n, 2))
       point%counts = self%cycle%counts
       point%periods = self%cycle%periods
       point%repeat_error = self%cycle%repeat_error
@@ -197,9 +204,12 @@ contains
       integer, intent(out) :: added
       type(error_t), allocatable, intent(out) :: error
 
+      logical, allocatable :: before(:)
+
+      before = potential_points(self%system)
       call self%contact%check_left_out(self%system, self%q, self%cycle, added, error)
       if (allocated(error) .or. added == 0) return
-      call follow_set(self%system, self%operating%contact)
+      call carry_over(self%system, before, self%operating%contact)
       call begin(self, error)
    end subroutine check_left_out
 

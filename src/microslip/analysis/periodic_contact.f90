@@ -23,6 +23,8 @@ module microslip_analysis_periodic_contact
    integer, parameter :: max_periods = 25
    !> Largest change of the forces from the end of one period to the next, over their range.
    real(wp), parameter :: repeat_tolerance = 1.0e-9_wp
+   !> Part of the forces themselves that a change of them may have by rounding.
+   real(wp), parameter :: rounding = 1.0e-13_wp
    !> Samples of a period at which the points left out of the potential contact set are checked.
    integer, parameter :: checks = 8
 
@@ -138,7 +140,8 @@ contains
          cycle%periods = cycle%periods + 1
          if (cycle%unconverged > 0) exit
          if (cycle%periods == 1) cycle
-         range = maxval(maxval(cycle%reaction, 2) - minval(cycle%reaction, 2))
+         range = maxval(maxval(cycle%reaction, 2) - minval(cycle%reaction, 2)) &
+            & + rounding/repeat_tolerance*maxval(abs(cycle%reaction))
          cycle%repeat_error = maxval(abs(cycle%reaction(:, n) - last))/max(range, tiny(1.0_wp))
          if (cycle%repeat_error <= repeat_tolerance) exit
       end do

@@ -20,9 +20,11 @@ module microslip_analysis_response_point
       real(wp), allocatable :: modal(:, :)
       !> (sensors, 2H + 1) the same of the sensors, m
       real(wp), allocatable :: sensor(:, :)
-      !> (sensors) m, root of the sum of the squares of all harmonics' amplitudes, sqrt(2) times the root mean square of
-      !> the vibration; and the phase of the fundamental harmonic, u = A cos(tau + phase), rad
-      real(wp), allocatable :: amplitude(:), phase(:)
+      !> At the chosen sensor, m: L2 norm of all harmonics' amplitudes (and over its directions), which is sqrt(2) times the
+      !> root mean square of the vibration
+      real(wp) :: amplitude = 0.0_wp
+      !> rad, fundamental harmonic of the direction that moves most: u = A cos(tau + phase)
+      real(wp) :: phase = 0.0_wp
       !> Most points that were open, stuck, slipped at one sample
       integer :: counts(3) = 0
       !> Periods that the contact was marched

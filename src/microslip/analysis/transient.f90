@@ -14,9 +14,10 @@
 !> handed on only after that. If one would close, it joins and the run repeats from the last check.
 module microslip_analysis_transient
    use microslip_analysis_excitation, only: excitation_t, load_amplitudes
-   use microslip_analysis_operating_state, only: follow_set, operating_state_t
+   use microslip_analysis_operating_state, only: operating_state_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
-   use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, book_step
+   use microslip_contact_laws, only: state_open
+   use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, gap_of, book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
@@ -371,10 +372,27 @@ contains
       type(motion_t), intent(out) :: motion
       type(sample_t), allocatable, intent(inout) :: samples(:)
       type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: gap(:, :)
+      integer :: p, old
 
       motion = safe
       samples = pack_before(samples, safe%step)
-      call follow_set(system, motion%contact)
+      associate (contact => motion%contact, previous => system%previous_index)
+         deallocate (contact%force, contact%gap, contact%status)
+         allocate (contact%force(3, system%problem%n_points), source=0.0_wp)
+         allocate (contact%status(system%problem%n_points), source=state_open)
+         do p = 1, system%problem%n_points
+            if (previous(p) > 0) contact%force(:, p) = safe%contact%force(:, previous(p))
+         end do
+         gap = gap_of(system%problem, contact%q, contact%force)
+         contact%gap = gap
+         do p = 1, system%problem%n_points
+            old = previous(p)
+            if (old == 0) cycle
+            contact%status(p) = safe%contact%status(old)
+            if (contact%status(p) /= state_open) contact%gap(:, p) = safe%contact%gap(:, old)
+         end do
+      end associate
       call solver%start(system%problem, motion%contact, error)
    end subroutine resume_from
 
