@@ -24,6 +24,8 @@ module microslip_analysis_continuation
 
    !> Reduction of the residual by one correction from which the Jacobian is kept.
    real(wp), parameter :: good_contraction = 0.3_wp
+   !> Part by which the last step may be stretched.
+   real(wp), parameter :: almost = 0.05_wp
    !> Most halvings of a correction.
    integer, parameter :: max_halvings = 4
    !> Corrections after which a step is neither lengthened nor shortened.
@@ -155,7 +157,7 @@ contains
       do
          w = problem%lengths(y)
          trial = y + step*w*tangent
-         at_end = (trial(n) - last)*(last - start(n)) >= 0.0_wp
+         at_end = (trial(n) - last + almost*(trial(n) - y(n)))*(last - start(n)) >= 0.0_wp
          if (at_end) then
             trial = y + (trial - y)*(last - y(n))/(trial(n) - y(n))
             trial(n) = last

@@ -2,7 +2,8 @@
 !>
 !> The quasi-static contact is marched from the operating state through the samples of a period, period after period,
 !> until the forces on the structure repeat. What they then are depends on the operating state only where points never
-!> slip. The derivative of the last period's forces is that of the whole march (`contact_tangent_t`).
+!> slip. The derivative of the last period's forces is that of the whole march (`contact_tangent_t`); from a long march, only
+!> its first and last periods are used.
 module microslip_analysis_periodic_contact
    use microslip_analysis_fourier, only: fourier_t
    use microslip_analysis_operating_state, only: operating_state_t
@@ -23,6 +24,8 @@ module microslip_analysis_periodic_contact
    integer, parameter :: max_periods = 25
    !> Largest change of the forces from the end of one period to the next, over their range.
    real(wp), parameter :: repeat_tolerance = 1.0e-9_wp
+   !> First and last periods of a march that its derivative is made of: those between change little.
+   integer, parameter :: kept_periods = 2
    !> Part of the forces themselves that a change of them may have by rounding.
    real(wp), parameter :: rounding = 1.0e-13_wp
    !> Samples of a period at which the points left out of the potential contact set are checked.
@@ -168,18 +171,20 @@ contains
       type(contact_cycle_t), intent(in) :: cycle
       real(wp), intent(out) :: J(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: basis(fourier%columns(), size(cycle%steps)), weight(fourier%columns(), size(cycle%steps))
+      real(wp), allocatable :: basis(:, :), weight(:, :)
+      integer, allocatable :: kept(:)
       integer :: k, n
 
       if (.not. self%tangent%covers(cycle%closes)) call self%tangent%set_up(system%problem, self%closes, system%n_modes, error)
       if (allocated(error)) return
       n = fourier%samples
-      do k = 1, cycle%periods
-         basis(:, (k - 1)*n + 1:k*n) = fourier%basis
-      end do
+      kept = [(k, k=1, size(cycle%steps))]
+      kept = pack(kept, kept <= kept_periods*n .or. kept > (cycle%periods - kept_periods)*n)
+      basis = fourier%basis(:, [(modulo(kept(k) - 1, n) + 1, k=1, size(kept))])
+      allocate (weight, mold=basis)
       weight = 0.0_wp
-      weight(:, size(weight, 2) - n + 1:) = fourier%projection
-      call self%tangent%path_derivative(cycle%steps, basis, weight, J, error)
+      weight(:, size(kept) - n + 1:) = fourier%projection
+      call self%tangent%path_derivative(cycle%steps(kept), basis, weight, J, error)
    end subroutine derivative
 
    !> March a further period and look at the points left out of the potential contact set. Where some would close,
