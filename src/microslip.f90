@@ -19,6 +19,9 @@ module microslip
    use microslip_analysis_excitation, only: excitation_t
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, transient_recorder_t, sample_t, &
       & run_transient
+   use microslip_analysis_response_point, only: response_point_t, response_recorder_t
+   use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
+   use microslip_analysis_epmc, only: epmc_options_t, run_epmc
    implicit none(type, external)
    public
 end module microslip

@@ -3,11 +3,11 @@ module test_analysis_harmonic_balance
    use microslip_analysis_excitation, only: excitation_t, kind_harmonic
    use microslip_analysis_fourier, only: fourier_t, new_fourier
    use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
-   use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes, stuck_stiffness
+   use microslip_analysis_linear_modes, only: stuck_stiffness
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_balance, only: periodic_balance_t
    use microslip_analysis_transient, only: transient_record_t
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, status_failed
    use microslip_core_kinds, only: wp, pi
    use microslip_core_text, only: to_text
    use microslip_linalg_dense, only: solve_general
@@ -33,7 +33,12 @@ contains
          & new_unittest('derivative of the contact forces, friction', test_derivative_friction), &
          & new_unittest('derivative of the contact forces, lift-off', test_derivative_lift_off), &
          & new_unittest('stuck: the linear response', test_stuck), &
-         & new_unittest('dry-friction oscillator: closed form', test_jenkins)]
+         & new_unittest('dry-friction oscillator: closed form', test_jenkins), &
+         & new_unittest('dry-friction oscillator: harmonics converge to the time integration', test_harmonics), &
+         & new_unittest('gross slip: agrees with the time integration', test_gross_slip), &
+         & new_unittest('lift-off: agrees with the time integration', test_lift_off), &
+         & new_unittest('points left out that close join', test_left_out), &
+         & new_unittest('what cannot be done is told', test_failures)]
    end subroutine collect_analysis_harmonic_balance
 
    !> Samples to coefficients and back; the derivative by phase.
@@ -226,5 +231,222 @@ contains
       call check(error, maxval(collector%points%friction_loss) > 0.0_wp .and. largest <= 10.0_wp*(2.0_wp*pi/400)**2, &
          & 'deviation '//to_text(largest, 3))
    end subroutine test_jenkins
+
+   !> The response at one frequency by harmonic balance.
+   subroutine respond(system, state, load, level, frequency, harmonics, samples, modal, friction_loss, lib)
+      type(jointed_system_t), intent(in) :: system
+      type(operating_state_t), intent(in) :: state
+      integer, intent(in) :: load, harmonics, samples
+      real(wp), intent(in) :: level, frequency
+      !> (modes, 2H + 1)
+      real(wp), allocatable, intent(out) :: modal(:, :)
+      real(wp), intent(out) :: friction_loss
+      type(error_t), allocatable, intent(out) :: lib
+      type(jointed_system_t) :: copy
+      type(operating_state_t) :: start
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t), allocatable :: records(:)
+
+      copy = system
+      start = state
+      options%sensors = [1]
+      options%load = load
+      options%levels = [level]
+      options%frequency_range = frequency
+      options%frequency_step = 1.0_wp
+      options%harmonics = harmonics
+      options%samples = samples
+      options%max_iterations = 30
+      call run_harmonic_balance(copy, start, options, condensed(), collector, records, lib)
+      if (allocated(lib)) return
+      modal = collector%points(1)%modal
+      friction_loss = collector%points(1)%friction_loss
+   end subroutine respond
+
+   !> The steady state of a time integration: Fourier coefficients of the last of so many periods.
+   subroutine settle(system, state, load, level, frequency, harmonics, periods, steps, modal, friction_loss, lib)
+      type(jointed_system_t), intent(in) :: system
+      type(operating_state_t), intent(in) :: state
+      integer, intent(in) :: load, harmonics, periods
+      !> Of a period
+      integer, intent(in) :: steps
+      real(wp), intent(in) :: level, frequency
+      real(wp), allocatable, intent(out) :: modal(:, :)
+      real(wp), intent(out) :: friction_loss
+      type(error_t), allocatable, intent(out) :: lib
+      type(history_t) :: history
+      type(transient_record_t) :: record
+      type(fourier_t) :: fourier
+      real(wp), allocatable :: motion(:, :)
+      integer :: n
+
+      fourier = new_fourier(harmonics, steps)
+      call integrate(system, state, 1.0_wp/(frequency*steps), periods*steps, [excitation_t(load=load, kind=kind_harmonic, &
+         & amplitude=level, frequency=frequency)], condensed(), history, record, lib)
+      if (allocated(lib)) return
+      motion = history%modal()
+      n = periods*steps
+      modal = matmul(motion(:, n - steps + 1:n) - spread(state%modal, 2, steps), transpose(fourier%projection))
+      friction_loss = history%samples(n + 1)%energy%friction_loss - history%samples(n + 1 - steps)%energy%friction_loss
+   end subroutine settle
+
+   !> Largest difference of the first harmonics over the size of the vibration.
+   pure real(wp) function difference(one, other, columns)
+      real(wp), intent(in) :: one(:, :), other(:, :)
+      integer, intent(in) :: columns(:)
+      difference = norm2(one(:, columns) - other(:, columns))/norm2(other(:, 2:))
+   end function difference
+
+   !> Near resonance: the more harmonics, the closer to the time integration, by which the leapfrog's error is extrapolated.
+   subroutine test_harmonics(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      real(wp), allocatable :: coarse(:, :), fine(:, :), balance(:, :)
+      real(wp), parameter :: spring = 1.0e4_wp, element = 6.0e3_wp, limit = 3.0_wp, damping = 8.0_wp, load = 6.0_wp, &
+         & frequency = 18.0_wp
+      real(wp) :: deviation(3), loss, dissipated
+      integer :: k
+      integer, parameter :: harmonics(3) = [1, 5, 21], steps = 1200, periods = 45
+      real(wp), parameter :: accuracy = 1.0e-4_wp
+
+      call make_jenkins(spring, damping, element, limit, system, state, lib)
+      if (.not. allocated(lib)) call settle(system, state, 1, load, frequency, 21, periods, steps, coarse, loss, lib)
+      if (.not. allocated(lib)) call settle(system, state, 1, load, frequency, 21, periods, 2*steps, fine, loss, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      fine = fine + (fine - coarse)/3.0_wp
+      do k = 1, 3
+         call respond(system, state, 1, load, frequency, harmonics(k), 1200, balance, dissipated, lib)
+         call good(error, lib)
+         if (allocated(error)) return
+         deviation(k) = difference(balance, fine, [2, 3])
+      end do
+      call check(error, deviation(3) <= accuracy .and. all(deviation(2:) < 0.5_wp*deviation(:2)) &
+         & .and. abs(dissipated/loss - 1.0_wp) < 1.0e-2_wp, &
+         & 'deviations '//to_text(deviation(1), 3)//' '//to_text(deviation(2), 3)//' '//to_text(deviation(3), 3) &
+         & //', losses '//to_text(dissipated)//' '//to_text(loss))
+   end subroutine test_harmonics
+
+   !> Harmonic balance and time integration of a joint, both converged.
+   subroutine compare(hill, level, opens, error)
+      !> m, of the hills, and of the load
+      real(wp), intent(in) :: hill, level
+      !> Whether points are to open
+      logical, intent(in) :: opens
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(periodic_balance_t) :: motion
+      real(wp), allocatable :: coarse(:, :), fine(:, :), balance(:, :)
+      real(wp) :: loss, dissipated, deviation
+      integer, parameter :: harmonics = 15, samples = 400, periods = 30, steps = 500
+      real(wp), parameter :: frequency = 150.0_wp, accuracy = 1.0e-4_wp, ratio = 0.1_wp
+
+      call make_preloaded([5, 3], hill, 0.4_wp, system, state, lib)
+      system%damping = 4.0_wp*pi*ratio*frequency
+      if (.not. allocated(lib)) call settle(system, state, impact_load, level, frequency, harmonics, periods, steps, coarse, &
+         & loss, lib)
+      if (.not. allocated(lib)) call settle(system, state, impact_load, level, frequency, harmonics, periods, 2*steps, fine, &
+         & loss, lib)
+      if (.not. allocated(lib)) call respond(system, state, impact_load, level, frequency, harmonics, samples, balance, &
+         & dissipated, lib)
+      if (.not. allocated(lib)) call motion%set_up(system, state, [1], harmonics, samples, condensed(), lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call motion%evaluate(reshape(balance, [size(balance)]))
+      call check(error, motion%cycle%counts(3) > 0 .and. (opens .eqv. minval(state%contact%status) == 0 .or. &
+         & motion%cycle%counts(1) > count(state%contact%status == 0)), 'states: '//to_text(motion%cycle%counts(1))//' ' &
+         & //to_text(motion%cycle%counts(2))//' '//to_text(motion%cycle%counts(3)))
+      if (allocated(error)) return
+      fine = fine + (fine - coarse)/3.0_wp
+      deviation = difference(balance, fine, [2, 3, 4, 5, 6, 7])
+      call check(error, deviation <= accuracy .and. abs(dissipated/loss - 1.0_wp) < 1.0e-2_wp, &
+         & 'deviation '//to_text(deviation, 3)//', losses '//to_text(dissipated)//' '//to_text(loss)//' states ' &
+         & //to_text(motion%cycle%counts(1))//' '//to_text(motion%cycle%counts(2))//' '//to_text(motion%cycle%counts(3)))
+   end subroutine compare
+
+   subroutine test_gross_slip(error)
+      type(testing_error), allocatable, intent(out) :: error
+      call compare(0.0_wp, 60.0_wp, .false., error)
+   end subroutine test_gross_slip
+
+   subroutine test_lift_off(error)
+      type(testing_error), allocatable, intent(out) :: error
+      call compare(4.0e-6_wp, 200.0_wp, .true., error)
+   end subroutine test_lift_off
+
+   !> Only the closed points in the potential contact set at first: those that close join, and the result is that of all.
+   subroutine test_left_out(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system, few
+      type(operating_state_t) :: state, start
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: full, grown
+      type(curve_record_t), allocatable :: records(:)
+      logical, allocatable :: closed(:)
+      real(wp), parameter :: same = 1.0e-5_wp
+
+      call make_preloaded([9, 6], 8.0e-6_wp, 0.4_wp, system, state, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      closed = state%contact%status /= 0
+      few = system
+      call few%restrict(closed, lib)
+      start = state
+      start%contact%force = reshape(pack(state%contact%force, spread(closed, 1, 3)), [3, count(closed)])
+      start%contact%gap = reshape(pack(state%contact%gap, spread(closed, 1, 3)), [3, count(closed)])
+      start%contact%status = pack(state%contact%status, closed)
+      options%sensors = [1]
+      options%load = impact_load
+      options%levels = [100.0_wp]
+      options%frequency_range = [140.0_wp, 160.0_wp]
+      options%frequency_step = 10.0_wp
+      if (.not. allocated(lib)) call run_harmonic_balance(few, start, options, condensed(), grown, records, lib)
+      if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), full, records, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, few%problem%n_points > count(closed) .and. size(start%contact%status) == few%problem%n_points, &
+         & 'nobody joined')
+      if (allocated(error)) return
+      associate (a => grown%points(size(grown%points)), b => full%points(size(full%points)))
+         call check(error, abs(a%frequency - b%frequency) <= 0.0_wp .and. norm2(a%modal - b%modal) <= same*norm2(b%modal), &
+            & to_text(norm2(a%modal - b%modal)/norm2(b%modal), 3))
+      end associate
+   end subroutine test_left_out
+
+   subroutine test_failures(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t), allocatable :: records(:)
+
+      call make_jenkins(1.0e4_wp, 0.5_wp, 6.0e3_wp, 3.0_wp, system, state, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      options%sensors = [1]
+      options%load = 1
+      options%levels = [1.0_wp, 2.0_wp]
+      options%frequency_range = [10.0_wp, 30.0_wp]
+      options%frequency_step = 1.0_wp
+      options%max_points = 3
+      call run_harmonic_balance(system, state, options, condensed(), collector, records, lib)
+      call check(error, allocated(lib))
+      if (allocated(error)) return
+      call check(error, lib%status == status_failed .and. index(lib%message, 'level 1') > 0 .and. size(collector%points) == 3, &
+         & lib%message)
+      if (allocated(error)) return
+      deallocate (system%problem%G)
+      call run_harmonic_balance(system, state, options, condensed(), collector, records, lib)
+      call check(error, allocated(lib))
+      if (.not. allocated(error)) call check(error, index(lib%message, "compliance = 'dense'") > 0, lib%message)
+   end subroutine test_failures
 
 end module test_analysis_harmonic_balance
