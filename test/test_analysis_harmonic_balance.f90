@@ -331,9 +331,9 @@ contains
    end subroutine test_harmonics
 
    !> Harmonic balance and time integration of a joint, both converged.
-   subroutine compare(hill, level, opens, error)
-      !> m, of the hills, and of the load
-      real(wp), intent(in) :: hill, level
+   subroutine compare(level, opens, error)
+      !> Of the load
+      real(wp), intent(in) :: level
       !> Whether points are to open
       logical, intent(in) :: opens
       type(testing_error), allocatable, intent(out) :: error
@@ -346,7 +346,7 @@ contains
       integer, parameter :: harmonics = 15, samples = 400, periods = 30, steps = 500
       real(wp), parameter :: frequency = 150.0_wp, accuracy = 1.0e-4_wp, ratio = 0.1_wp
 
-      call make_preloaded([5, 3], hill, 0.4_wp, system, state, lib)
+      call make_preloaded([5, 3], 0.0_wp, 0.4_wp, system, state, lib)
       system%damping = 4.0_wp*pi*ratio*frequency
       if (.not. allocated(lib)) call settle(system, state, impact_load, level, frequency, harmonics, periods, steps, coarse, &
          & loss, lib)
@@ -358,25 +358,22 @@ contains
       call good(error, lib)
       if (allocated(error)) return
       call motion%evaluate(reshape(balance, [size(balance)]))
-      call check(error, motion%cycle%counts(3) > 0 .and. (opens .eqv. minval(state%contact%status) == 0 .or. &
-         & motion%cycle%counts(1) > count(state%contact%status == 0)), 'states: '//to_text(motion%cycle%counts(1))//' ' &
-         & //to_text(motion%cycle%counts(2))//' '//to_text(motion%cycle%counts(3)))
+      call check(error, motion%cycle%counts(3) > 0 .and. (opens .eqv. motion%cycle%counts(1) > 0), 'states')
       if (allocated(error)) return
       fine = fine + (fine - coarse)/3.0_wp
       deviation = difference(balance, fine, [2, 3, 4, 5, 6, 7])
       call check(error, deviation <= accuracy .and. abs(dissipated/loss - 1.0_wp) < 1.0e-2_wp, &
-         & 'deviation '//to_text(deviation, 3)//', losses '//to_text(dissipated)//' '//to_text(loss)//' states ' &
-         & //to_text(motion%cycle%counts(1))//' '//to_text(motion%cycle%counts(2))//' '//to_text(motion%cycle%counts(3)))
+         & 'deviation '//to_text(deviation, 3)//', losses '//to_text(dissipated)//' '//to_text(loss))
    end subroutine compare
 
    subroutine test_gross_slip(error)
       type(testing_error), allocatable, intent(out) :: error
-      call compare(0.0_wp, 60.0_wp, .false., error)
+      call compare(400.0_wp, .false., error)
    end subroutine test_gross_slip
 
    subroutine test_lift_off(error)
       type(testing_error), allocatable, intent(out) :: error
-      call compare(4.0e-6_wp, 200.0_wp, .true., error)
+      call compare(1600.0_wp, .true., error)
    end subroutine test_lift_off
 
    !> Only the closed points in the potential contact set at first: those that close join, and the result is that of all.
@@ -395,6 +392,7 @@ contains
       call good(error, lib)
       if (allocated(error)) return
       closed = state%contact%status /= 0
+      system%damping = 4.0_wp*pi*0.1_wp*150.0_wp
       few = system
       call few%restrict(closed, lib)
       start = state
@@ -403,9 +401,9 @@ contains
       start%contact%status = pack(state%contact%status, closed)
       options%sensors = [1]
       options%load = impact_load
-      options%levels = [100.0_wp]
-      options%frequency_range = [140.0_wp, 160.0_wp]
-      options%frequency_step = 10.0_wp
+      options%levels = [3200.0_wp]
+      options%frequency_range = [150.0_wp, 151.0_wp]
+      options%frequency_step = 1.0_wp
       if (.not. allocated(lib)) call run_harmonic_balance(few, start, options, condensed(), grown, records, lib)
       if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), full, records, lib)
       call good(error, lib)

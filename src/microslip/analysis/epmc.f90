@@ -133,14 +133,14 @@ contains
          & /problem%omega, log_amplitude]
    end function linear_mode
 
-   !> r over omega_0^2 a, amplitude and phase condition; huge where the contact forces are not found.
+   !> r over omega_0^2 a, amplitude and phase condition; not small where the contact forces do not repeat.
    subroutine residual(self, y, r, error)
       class(nonlinear_mode_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: balance(:, :)
-      real(wp) :: a
+      real(wp) :: a, doubt
       integer :: n
 
       if (allocated(error)) return
@@ -153,7 +153,8 @@ contains
          r(n + 1) = sum(psi(:, 2:3)**2) - 1.0_wp
          r(n + 2) = dot_product(self%shape, psi(:, 3))
       end associate
-      if (.not. self%balance%cycle%repeats()) r = huge(1.0_wp)
+      doubt = self%balance%doubt()
+      if (doubt > 0.0_wp) r(1) = merge(huge(1.0_wp), abs(r(1)) + doubt/(self%omega**2*a), doubt >= huge(1.0_wp))
    end subroutine residual
 
    !> Its derivative.

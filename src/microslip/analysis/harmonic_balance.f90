@@ -131,20 +131,22 @@ contains
       end associate
    end subroutine stuck_response
 
-   !> r over |level f|; huge where the contact forces are not found.
+   !> r over |level f|; not small where the contact forces do not repeat.
    subroutine residual(self, y, r, error)
       class(forced_response_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: balance(:, :)
+      real(wp) :: doubt
 
       if (allocated(error)) return
       call self%balance%evaluate(y(:size(y) - 1))
       balance = self%balance%linear_force(self%balance%x, y(size(y)), 0.0_wp) - self%balance%force
       balance(:, 2) = balance(:, 2) - self%load
       r = reshape(balance, [size(r)])/norm2(self%load)
-      if (.not. self%balance%cycle%repeats()) r = huge(1.0_wp)
+      doubt = self%balance%doubt()
+      if (doubt > 0.0_wp) r(1) = merge(huge(1.0_wp), abs(r(1)) + doubt/norm2(self%load), doubt >= huge(1.0_wp))
    end subroutine residual
 
    !> Its derivative by [x; omega].

@@ -46,6 +46,7 @@ module microslip_analysis_periodic_balance
       procedure :: set_up
       procedure :: unknowns
       procedure :: evaluate
+      procedure :: doubt
       procedure :: linear_force
       procedure :: renew_derivative
       procedure :: stiffness_matrix
@@ -126,6 +127,16 @@ contains
          self%derivative(:, n) = self%derivative(:, n) + missed*change(n)
       end do
    end subroutine evaluate
+
+   !> What the contact forces of the last evaluation may be wrong by because they do not repeat; huge where they were not
+   !> found. A motion is no solution before this is small.
+   pure real(wp) function doubt(self)
+      class(periodic_balance_t), intent(in) :: self
+
+      doubt = 0.0_wp
+      if (.not. self%cycle%repeats()) doubt = self%cycle%last_change
+      if (self%cycle%unconverged > 0) doubt = huge(1.0_wp)
+   end function doubt
 
    !> omega^2 x'' + omega (D + delta I) x' + Khat x, (modes, 2H + 1).
    pure function linear_force(self, x, omega, delta) result(f)

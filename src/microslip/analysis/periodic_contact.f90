@@ -46,6 +46,8 @@ module microslip_analysis_periodic_contact
       integer :: unconverged = 0
       !> How far the forces are from repeating, over their range
       real(wp) :: repeat_error = huge(1.0_wp)
+      !> The same as it is: what they changed by over the last period
+      real(wp) :: last_change = huge(1.0_wp)
       !> Most points that were open, stuck, slipped in one sample of the last period
       integer :: counts(3) = 0
       !> J, friction loss of the last period
@@ -145,7 +147,8 @@ contains
          if (cycle%periods == 1) cycle
          range = maxval(maxval(cycle%reaction, 2) - minval(cycle%reaction, 2)) &
             & + rounding/repeat_tolerance*maxval(abs(cycle%reaction))
-         cycle%repeat_error = maxval(abs(cycle%reaction(:, n) - last))/max(range, tiny(1.0_wp))
+         cycle%last_change = maxval(abs(cycle%reaction(:, n) - last))
+         cycle%repeat_error = cycle%last_change/max(range, tiny(1.0_wp))
          if (cycle%repeat_error <= repeat_tolerance) exit
       end do
       self%closes = self%closes .or. cycle%closes
