@@ -118,6 +118,12 @@ contains
             call log%line("skipped, qsma: hysteresis loops (cycle = .false., Masing's rule on the loading curves alone)")
          end if
       end if
+      if (case%runs('harmonic_balance')) call log%line('harmonic_balance: '//to_text(size(case%harmonic_balance%levels)) &
+         & //' levels, '//to_text(case%harmonic_balance%frequency_range(1))//' to ' &
+         & //to_text(case%harmonic_balance%frequency_range(2))//' Hz, '//to_text(case%harmonic_balance%harmonics) &
+         & //' harmonics; skipped: stability')
+      if (case%runs('epmc')) call log%line('epmc: mode '//to_text(case%epmc%mode)//', '//to_text(case%epmc%points) &
+         & //' amplitudes, '//to_text(case%epmc%harmonics)//' harmonics')
       if (case%runs('ringdown')) call log%line('ringdown: windows of '//to_text(case%ringdown%periods) &
          & //' periods, overlap '//to_text(case%ringdown%overlap))
    end subroutine report_modal

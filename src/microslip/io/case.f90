@@ -10,7 +10,8 @@ module microslip_io_case
 
    public :: case_t, model_case_t, interface_case_t, topography_case_t, reduction_case_t, damping_case_t
    public :: contact_case_t, load_case_t, preload_case_t, linear_modes_case_t, transient_case_t
-   public :: excitation_case_t, output_case_t, qsma_case_t, ringdown_case_t, name_length, path_length
+   public :: excitation_case_t, output_case_t, qsma_case_t, ringdown_case_t, harmonic_balance_case_t, epmc_case_t
+   public :: name_length, path_length
 
    !> Longest name (of node sets, loads, options) and longest file path or title.
    integer, parameter :: name_length = 64, path_length = 1024
@@ -207,6 +208,39 @@ module microslip_io_case
       real(wp), allocatable :: start
    end type ringdown_case_t
 
+   !> `&harmonic_balance`: frequency response to a harmonic load.
+   type :: harmonic_balance_case_t
+      !> Name of a load
+      character(len=name_length) :: load = ''
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> Factors on the load pattern, one curve each
+      real(wp), allocatable :: levels(:)
+      !> (2) Hz, from where to where
+      real(wp), allocatable :: frequency_range(:)
+      integer :: harmonics = 5, samples = 50
+      !> Hz; not allocated: a fiftieth of the range
+      real(wp), allocatable :: frequency_step
+      real(wp) :: response_step = 0.25_wp
+      real(wp) :: tolerance = 1.0e-6_wp
+      integer :: max_points = 1000
+   end type harmonic_balance_case_t
+
+   !> `&epmc`: nonlinear mode by the extended periodic motion concept.
+   type :: epmc_case_t
+      !> Linear mode about the preload
+      integer :: mode = 1
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> (2) m, from where to where
+      real(wp), allocatable :: amplitude_range(:)
+      integer :: points = 20
+      integer :: harmonics = 5, samples = 50
+      real(wp) :: response_step = 0.5_wp
+      real(wp) :: tolerance = 1.0e-8_wp
+      integer :: max_points = 1000
+   end type epmc_case_t
+
    !> `&output`: what is stored, where and how often.
    type :: output_case_t
       !> Result file; blank: the case's name with .h5 in the current folder
@@ -241,6 +275,8 @@ module microslip_io_case
       type(transient_case_t) :: transient
       type(qsma_case_t) :: qsma
       type(ringdown_case_t) :: ringdown
+      type(harmonic_balance_case_t) :: harmonic_balance
+      type(epmc_case_t) :: epmc
       type(excitation_case_t), allocatable :: excitations(:)
       type(output_case_t) :: output
    contains

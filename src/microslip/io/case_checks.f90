@@ -49,6 +49,12 @@ contains
             call check_sensor(groups(k), input, input%qsma%sensor)
          case ('ringdown')
             call check_ringdown(groups(k), input)
+         case ('harmonic_balance')
+            call check_harmonic_balance(groups(k), input, loads)
+         case ('epmc')
+            call check_mode(groups(k), input, 'mode', 'epmc', input%epmc%mode, 'a linear mode')
+            call check_periodic(groups(k), input, input%epmc%sensor)
+            call check_range(groups(k), 'amplitude_range', input%epmc%amplitude_range)
          case ('output')
             call check_output(groups(k), input)
          end select
@@ -87,7 +93,7 @@ contains
       type(case_t), intent(in) :: input
 
       select case (group%name)
-      case ('preload', 'linear_modes', 'transient', 'qsma', 'ringdown')
+      case ('preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'harmonic_balance', 'epmc')
          if (.not. input%runs(group%name)) call group%fault('', "only with '"//group%name// &
             "' in the analyses of &case, the group would be ignored here")
       case ('excitation')
@@ -96,8 +102,9 @@ contains
       case ('output')
          if (.not. input%runs('transient')) call group%ignored([character(len=16) :: 'stride', 'snapshots'], &
             "with 'transient' in the analyses of &case")
-         if (.not. (input%runs('transient') .or. input%runs('qsma'))) call group%ignored( &
-            [character(len=16) :: 'sensors', 'sensor_direction'], "with 'transient' or 'qsma' in the analyses of &case")
+         if (.not. any([input%runs('transient'), input%runs('qsma'), input%runs('harmonic_balance'), input%runs('epmc')])) &
+            call group%ignored([character(len=16) :: 'sensors', 'sensor_direction'], &
+            "with 'transient', 'qsma', 'harmonic_balance' or 'epmc' in the analyses of &case")
       end select
    end subroutine check_use
 
@@ -131,7 +138,7 @@ contains
       call group%fault('', 'a &topography that an &interface uses, this one would be ignored')
    end subroutine check_topography_use
 
-   !> A load that neither the preload nor an excitation uses is refused (unless a name elsewhere is wrong).
+   !> A load that neither the preload nor an excitation nor a frequency response uses is refused (unless a name elsewhere is wrong).
    subroutine check_load_use(group, input)
       type(group_keys_t), intent(inout) :: group
       type(case_t), intent(in) :: input
@@ -144,7 +151,8 @@ contains
       do k = 1, size(input%excitations)
          if (any(input%find_load(input%excitations(k)%load) == [0, group%number])) return
       end do
-      call group%fault('', 'a &load that &preload or an &excitation uses, this one would be ignored')
+      if (input%runs('harmonic_balance') .and. any(input%find_load(input%harmonic_balance%load) == [0, group%number])) return
+      call group%fault('', 'a &load that &preload, an &excitation or &harmonic_balance uses, this one would be ignored')
    end subroutine check_load_use
 
    !> Modal damping fits the number of modes, the reference mode is among them.
@@ -271,6 +279,44 @@ contains
             'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
       end if
    end subroutine check_ringdown
+
+   !> The load of a frequency response exists, and the mode of a modal load.
+   subroutine check_harmonic_balance(group, input, loads)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: loads(:)
+      integer :: load
+
+      load = input%find_load(input%harmonic_balance%load)
+      if (group%sound('load') .and. load == 0) then
+         call group%fault('load', known_names('load', input%harmonic_balance%load, loads))
+      else if (load > 0) then
+         if (input%loads(load)%kind == 'modal') &
+            call check_mode(group, input, 'load', 'harmonic_balance', input%loads(load)%mode, 'a modal load')
+      end if
+      call check_periodic(group, input, input%harmonic_balance%sensor)
+   end subroutine check_harmonic_balance
+
+   !> What all analyses of periodic motions need.
+   subroutine check_periodic(group, input, sensor)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: sensor
+
+      call check_sensor(group, input, sensor)
+      if (input%contact%normal_law == 'velocity') call group%fault('', "only with normal_law = 'gap' in &contact")
+      if (input%contact%compliance == 'fft') call group%fault('', "not with compliance = 'fft' in &contact")
+   end subroutine check_periodic
+
+   !> Both ends of a range differ.
+   subroutine check_range(group, key, range)
+      type(group_keys_t), intent(inout) :: group
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: range(:)
+
+      if (.not. allocated(range)) return
+      if (size(range) == 2 .and. abs(range(2) - range(1)) <= 0.0_wp) call group%fault(key, 'two different numbers')
+   end subroutine check_range
 
    !> Snapshots lie within the time integration.
    subroutine check_output(group, input)

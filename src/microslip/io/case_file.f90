@@ -13,6 +13,7 @@ module microslip_io_case_file
    use microslip_io_case_checks, only: check_case
    use microslip_io_case_interface, only: interface_keys, topography_keys
    use microslip_io_case_modal, only: qsma_keys, ringdown_keys
+   use microslip_io_case_periodic, only: harmonic_balance_keys, epmc_keys
    use microslip_io_case_model, only: case_keys, model_keys, reduction_keys, damping_keys, contact_keys
    use microslip_io_group_keys, only: group_keys_t, reading, writing
    use microslip_io_namelist_text, only: namelist_group_t, scan_namelists
@@ -21,10 +22,10 @@ module microslip_io_case_file
 
    public :: read_case, case_from_text, resolved_text
 
-   character(len=*), parameter :: single(11) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
-      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'output']
+   character(len=*), parameter :: single(13) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
+      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'harmonic_balance', 'epmc', 'output']
    character(len=*), parameter :: repeated(4) = [character(len=16) :: 'interface', 'topography', 'load', 'excitation']
-   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
+   character(len=*), parameter :: announced(1) = [character(len=16) :: 'settling']
    !> Larger files are no case files (characters).
    integer, parameter :: largest_file = 4000000
 
@@ -113,6 +114,8 @@ contains
       if (input%runs('transient')) text = text//written('transient')//all_written('excitation', size(input%excitations))
       if (input%runs('qsma')) text = text//written('qsma')
       if (input%runs('ringdown')) text = text//written('ringdown')
+      if (input%runs('harmonic_balance')) text = text//written('harmonic_balance')
+      if (input%runs('epmc')) text = text//written('epmc')
       text = text//written('output')
 
    contains
@@ -162,6 +165,8 @@ contains
       case ('transient'); call transient_keys(keys, input%transient)
       case ('qsma'); call qsma_keys(keys, input%qsma)
       case ('ringdown'); call ringdown_keys(keys, input%ringdown)
+      case ('harmonic_balance'); call harmonic_balance_keys(keys, input%harmonic_balance)
+      case ('epmc'); call epmc_keys(keys, input%epmc)
       case ('excitation'); call excitation_keys(keys, input%excitations(keys%number))
       case ('output'); call output_keys(keys, input%output)
       end select
@@ -258,6 +263,8 @@ contains
       call require('transient', input%runs('transient'))
       call require('qsma', input%runs('qsma'))
       call require('ringdown', input%runs('ringdown'))
+      call require('harmonic_balance', input%runs('harmonic_balance'))
+      call require('epmc', input%runs('epmc'))
 
    contains
 
