@@ -1,6 +1,10 @@
 !> Runs the tests: all of them, one suite, or one test (`tester [suite [test]]`).
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit
+   use test_analysis_continuation, only: collect_analysis_continuation
+   use test_analysis_harmonic_balance, only: collect_analysis_harmonic_balance
+   use test_analysis_epmc, only: collect_analysis_epmc
+   use test_cli_periodic_motions, only: collect_cli_periodic_motions
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
    use test_analysis_qsma, only: collect_analysis_qsma
@@ -58,6 +62,10 @@ program main
    if (warning /= '') write (error_unit, '(a)') warning
 
    suites = [ &
+      & new_testsuite('analysis_continuation', collect_analysis_continuation), &
+      & new_testsuite('analysis_harmonic_balance', collect_analysis_harmonic_balance), &
+      & new_testsuite('analysis_epmc', collect_analysis_epmc), &
+      & new_testsuite('cli_periodic_motions', collect_cli_periodic_motions), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
       & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
