@@ -22,6 +22,8 @@ module microslip
    use microslip_analysis_response_point, only: response_point_t, response_recorder_t
    use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
    use microslip_analysis_epmc, only: epmc_options_t, run_epmc
+   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma
+   use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
    implicit none(type, external)
    public
 end module microslip

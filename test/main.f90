@@ -3,9 +3,12 @@ program main
    use, intrinsic :: iso_fortran_env, only: error_unit
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
+   use test_analysis_qsma, only: collect_analysis_qsma
+   use test_analysis_ringdown, only: collect_analysis_ringdown
    use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
+   use test_cli_modal_parameters, only: collect_cli_modal_parameters
    use test_contact_half_space, only: collect_contact_half_space
    use test_system_fft_compliance, only: collect_system_fft_compliance
    use test_io_fclib, only: collect_io_fclib
@@ -57,6 +60,9 @@ program main
    suites = [ &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
+      & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
+      & new_testsuite('analysis_qsma', collect_analysis_qsma), &
+      & new_testsuite('analysis_ringdown', collect_analysis_ringdown), &
       & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &

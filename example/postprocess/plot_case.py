@@ -4,7 +4,8 @@
     plot_case.py RESULT.h5 [--output PREFIX]
 
 writes PREFIX_history.png (sensors), PREFIX_interface.png (pressure and slip ratio), PREFIX_energy.png (contact counts,
-energies, balance error) and PREFIX_overview.png (these in one). What the file does not hold is not drawn; files of
+energies, balance error), PREFIX_modal.png (frequency and damping over amplitude) and PREFIX_overview.png (the others in
+one). What the file does not hold is not drawn; files of
 runs that still go on or were interrupted are fine. Needs h5py, numpy and matplotlib.
 """
 import argparse
@@ -55,6 +56,7 @@ class Result:
         self.frequency = file["linear_modes/frequency"][()] if "linear_modes/frequency" in file else None
         self.interfaces = read_interfaces(file)
         self.states = read_states(file, self.interfaces)
+        self.modal = read_modal(file)
         self.time, self.sensors, self.energy, self.contact = None, {}, {}, {}
         if "transient/time" not in file:
             return
@@ -87,6 +89,14 @@ def series_of(group):
     for name in ("energy", "contact"):
         series += list(group.get(name, {}).values())
     return series
+
+
+def read_modal(file):
+    """Frequency and damping ratio over amplitude, by the analyses that give them."""
+    groups = [("QSMA, Masing's rule", "qsma", "qsma"), ("QSMA, hysteresis loops", "qsma/cycle", "qsma/cycle"),
+              ("ring-down, Fourier transform", "ringdown", "ringdown"), ("ring-down, peaks", "ringdown/peaks", "ringdown")]
+    return {label: (file[where]["amplitude"][()], file[group]["frequency"][()], file[group]["damping_ratio"][()])
+            for label, group, where in groups if group in file}
 
 
 def read_interfaces(file):
@@ -305,6 +315,20 @@ def energy_figure(result):
     return figure
 
 
+def modal_figure(result):
+    """Frequency and damping ratio over amplitude."""
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.6), layout="constrained")
+    styles = [dict(marker="o", markersize=4), dict(marker="x", markersize=5, linestyle="none"), {}, dict(linestyle="--")]
+    for k, (label, (amplitude, frequency, damping)) in enumerate(result.modal.items()):
+        for ax, values in zip(axes, (frequency, 100.0 * damping)):
+            ax.plot(1.0e6 * amplitude, values, color=COLOURS[k], label=label, **styles[k % len(styles)])
+    for ax, label in zip(axes, ("frequency, Hz", "damping ratio, %")):
+        ax.set(xscale="log", xlabel="amplitude at the sensor, um", ylabel=label)
+    axes[0].legend(loc="lower left")
+    finish(figure, result)
+    return figure
+
+
 def time_panels(result):
     """What can be drawn over time besides the sensors."""
     panels = []
@@ -358,6 +382,8 @@ def draw_all(result, prefix):
             figures["energy"] = energy_figure(result)
         if len(figures) > 1:
             figures["overview"] = overview_figure(result)
+        if result.modal:
+            figures["modal"] = modal_figure(result)
         written = []
         for name, figure in figures.items():
             written.append(f"{prefix}_{name}.png")

@@ -4,8 +4,9 @@
 !>     force_A  = force_A,ref + S (q - q_ref) + M x          x: gap increments of the base points
 !>     gap_n,o  = gap_n,o,ref + N (q - q_ref) + T x          o: points outside, whose force is zero
 !>     R_A^T force_A = stiffness q - S^T y                   y = gap_A - r_0,A, stiffness = R_A^T S
-!> with T = G_n,oA M and N = R_n,o + G_n,oA S. S, N and T are kept by point (transposed). Points enter by bordering M with their Schur complement and
-!> leave by the reverse; both keep M symmetric, and after `rebuild_after` changes M is factorised anew.
+!> with T = G_n,oA M and N = R_n,o + G_n,oA S. S, N and T are kept by point (transposed).
+!> Points enter by bordering M with their Schur complement and
+!> leave by the reverse; both keep M symmetric, and where a probe finds it inaccurate M is factorised anew.
 !>
 !> Groups (interfaces) are coupled in M by a low rank only: between groups g and h, M_gh = Z_g C_gh Z_h^T with an
 !> orthonormal basis Z_g of what the other groups cause in g. Z_g is found by products with random vectors and
@@ -15,14 +16,16 @@ module microslip_contact_base_set
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: inverse_spd, orthonormalise, product_of
+   use microslip_linalg_dense, only: inverse_spd, mirror_upper, orthonormalise, product_of, product_symmetric
    implicit none(type, external)
    private
 
    public :: base_set_t
 
-   !> Changes of the set after which the operators are computed anew.
-   integer, parameter :: rebuild_after = 100
+   !> Bordered operators are given up where they miss more than this, and ten times more than a factorisation.
+   real(wp), parameter :: most_missed = 1.0e-11_wp
+   !> Rows that are looked at to find out.
+   integer, parameter :: probed_rows = 64
    !> Vectors per group that the coupling is first tried with.
    integer, parameter :: first_rank = 24
 
@@ -46,8 +49,8 @@ module microslip_contact_base_set
       integer, allocatable :: group(:)
       !> (rank, 3 inside) Z^T and (rank groups, rank groups) C, N/m
       real(wp), allocatable :: basis(:, :), coupling(:, :)
-      !> Points that entered or left since the last factorisation
-      integer :: changes = 0
+      !> What the operators of the last factorisation missed (`missed`)
+      real(wp), private :: missed_at_first = 0.0_wp
    contains
       procedure :: build
       procedure :: enter
@@ -77,7 +80,7 @@ contains
       cross = problem%G(rows, 3*self%outside - 2)
       self%T_t = multiply(self%M, cross)
       call update_slopes(self, problem)
-      self%changes = 0
+      self%missed_at_first = missed(self, problem)
    end subroutine build
 
    !> Points join the base set (they are placed last, in the given order).
@@ -90,7 +93,7 @@ contains
       integer, allocatable :: rows(:), new(:), kept(:)
       integer :: n, k, j
 
-      if (self%changes + size(points) > rebuild_after .or. 4*size(points) > size(self%inside)) then
+      if (4*size(points) > size(self%inside)) then
          call self%build(problem, [self%inside, points], error)
          return
       end if
@@ -111,16 +114,11 @@ contains
       US = multiply(U, schur)
 
       allocate (M(n + k, n + k))
-      M(:n, :n) = multiply(US, U_t)
-      do j = 1, n
-         M(:j, j) = self%M(:j, j) + 0.5_wp*(M(:j, j) + M(j, :j))
-      end do
-      do j = 1, n
-         M(j, :j - 1) = M(:j - 1, j)
-      end do
+      call product_of(US, U_t, self%M, keep=1.0_wp)
+      M(:n, :n) = self%M
       M(:n, n + 1:) = -US
-      M(n + 1:, :n) = -transpose(US)
       M(n + 1:, n + 1:) = schur
+      call mirror_upper(M)
 
       ! Columns of T^T for the points that stay outside.
       kept = pack([(j, j=1, size(self%outside))], [(all(points /= self%outside(j)), j=1, size(self%outside))])
@@ -134,10 +132,12 @@ contains
 
       call move_alloc(M, self%M)
       call move_alloc(T_t, self%T_t)
-      k = self%changes + size(points)
       call partition(self, problem%n_points, [self%inside, points])
+      if (.not. is_accurate(self, problem)) then
+         call self%build(problem, [self%inside], error)
+         return
+      end if
       call update_slopes(self, problem)
-      self%changes = k
    end subroutine enter
 
    !> Points that are open leave the base set.
@@ -151,7 +151,7 @@ contains
       integer :: j, k
 
       stay = pack(self%inside, [(all(points /= self%inside(j)), j=1, size(self%inside))])
-      if (self%changes + size(points) > rebuild_after .or. 4*size(points) > size(self%inside)) then
+      if (4*size(points) > size(self%inside)) then
          call self%build(problem, stay, error)
          return
       end if
@@ -166,11 +166,9 @@ contains
       cross = self%M(gone, rows)
       W = multiply(own, cross)   ! = -G_gone,stay M_new
       cross = self%M(rows, gone)
-      M = self%M(rows, rows) - multiply(cross, W)
-      do j = 1, size(rows)
-         M(:j, j) = 0.5_wp*(M(:j, j) + M(j, :j))
-         M(j, :j - 1) = M(:j - 1, j)
-      end do
+      M = self%M(rows, rows)
+      call product_of(cross, W, M, factor=-1.0_wp, keep=1.0_wp)
+      call mirror_upper(M)
 
       outside = self%outside
       k = size(outside)
@@ -182,14 +180,41 @@ contains
          T_t(:, k + j) = -W(3*j - 2, :)
       end do
       call move_alloc(M, self%M)
-      k = self%changes + size(points)
       call partition(self, problem%n_points, stay)
+      if (.not. is_accurate(self, problem)) then
+         call self%build(problem, stay, error)
+         return
+      end if
       ! `partition` lists the points outside in ascending order: sort the columns of T^T the same way.
       outside = [outside, points]
       self%T_t = T_t(:, order_of(outside, problem%n_points))
       call update_slopes(self, problem)
-      self%changes = k
    end subroutine leave
+
+   !> Whether M is as good as a new one, nearly.
+   logical function is_accurate(self, problem)
+      type(base_set_t), intent(in) :: self
+      type(contact_problem_t), intent(in) :: problem
+      is_accurate = missed(self, problem) <= max(most_missed, 10.0_wp*self%missed_at_first)
+   end function is_accurate
+
+   !> Largest |G_AA M x - x| in some rows, for an x without pattern and |x| <= 1.
+   real(wp) function missed(self, problem)
+      type(base_set_t), intent(in) :: self
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), allocatable :: x(:, :), Mx(:)
+      integer, allocatable :: rows(:)
+      integer :: k
+
+      missed = 0.0_wp
+      rows = unknowns(self%inside)
+      allocate (x(size(rows), 1), Mx(size(rows)))
+      call fill_random(x)
+      call product_symmetric(self%M, x(:, 1), Mx)
+      do k = 1, size(rows), max(1, size(rows)/probed_rows)
+         missed = max(missed, abs(dot_product(problem%G(rows, rows(k)), Mx) - x(k, 1)))
+      end do
+   end function missed
 
    !> S = -M R_A, N = R_n,o + G_n,oA S = R_n,o - T R_A, and what the forces add up to.
    subroutine update_slopes(self, problem)
@@ -244,45 +269,47 @@ contains
       integer, intent(in) :: rank
       logical, intent(out) :: found
       integer, parameter :: probes = 2
-      real(wp), allocatable :: random(:, :), caused(:, :), Z(:, :), part(:, :), rest(:, :)
+      real(wp), allocatable :: random(:, :), masked(:, :), caused(:, :), Z(:, :), Z_t(:, :), part(:, :)
       integer, allocatable :: own(:), others(:)
-      integer :: g, h, k, n
+      integer :: g, k, n
       real(wp) :: largest
 
       n = 3*size(self%inside)
-      allocate (random(n, rank + probes))
+      allocate (random(n, rank + probes), masked(n, (rank + probes)*self%groups), source=0.0_wp)
       call fill_random(random)
       if (allocated(self%basis)) deallocate (self%basis)
       if (allocated(self%coupling)) deallocate (self%coupling)
       allocate (self%basis(rank, n), self%coupling(rank*self%groups, rank*self%groups), source=0.0_wp)
       largest = maxval([(self%M(k, k), k=1, n)])
+      ! What the random increments of all other groups cause in every group.
+      do g = 1, self%groups
+         others = unknowns(pack([(k, k=1, n/3)], self%group /= g))
+         masked(others, (g - 1)*(rank + probes) + 1:g*(rank + probes)) = random(others, :)
+      end do
+      caused = multiply(self%M, masked)
       found = .true.
       do g = 1, self%groups
          own = unknowns(pack([(k, k=1, n/3)], self%group == g))
-         others = unknowns(pack([(k, k=1, n/3)], self%group /= g))
-         part = self%M(own, others)
-         rest = random(others, :)
-         caused = multiply(part, rest)
-         Z = caused(:, :rank)
+         part = caused(own, (g - 1)*(rank + probes) + 1:g*(rank + probes))
+         Z = part(:, :rank)
          call orthonormalise(Z)
-         rest = transpose(Z)
-         self%basis(:, own) = rest
-         part = caused(:, rank + 1:)
-         part = part - matmul(Z, matmul(rest, part))
+         Z_t = transpose(Z)
+         self%basis(:, own) = Z_t
+         part = part(:, rank + 1:)
+         part = part - matmul(Z, matmul(Z_t, part))
          found = found .and. maxval(abs(part)) <= 1.0e-13_wp*largest*sqrt(real(n, wp))
       end do
       if (.not. found) return
+      deallocate (masked)
+      allocate (masked(n, rank*self%groups), source=0.0_wp)
       do g = 1, self%groups
          own = unknowns(pack([(k, k=1, n/3)], self%group == g))
-         Z = self%basis(:, own)
-         do h = 1, self%groups
-            if (h == g) cycle
-            others = unknowns(pack([(k, k=1, n/3)], self%group == h))
-            part = self%M(own, others)
-            rest = transpose(self%basis(:, others))
-            part = multiply(part, rest)
-            self%coupling((g - 1)*rank + 1:g*rank, (h - 1)*rank + 1:h*rank) = multiply(Z, part)
-         end do
+         masked(own, (g - 1)*rank + 1:g*rank) = transpose(self%basis(:, own))
+      end do
+      caused = multiply(self%M, masked)
+      self%coupling = matmul(transpose(masked), caused)
+      do g = 1, self%groups
+         self%coupling((g - 1)*rank + 1:g*rank, (g - 1)*rank + 1:g*rank) = 0.0_wp
       end do
    end subroutine find_coupling
 

@@ -170,7 +170,7 @@ contains
       class(contact_block_t), intent(inout) :: self
       integer, intent(in) :: first, last
       real(wp) :: change(3, max(0, last - first + 1)), x_t(2, self%columns)
-      integer :: a, r
+      integer :: a
 
       if (last < first) return
       change = 0.0_wp
@@ -180,9 +180,7 @@ contains
       end if
       do a = 1, self%columns
          if (self%x(1, a) == 0.0_wp) cycle
-         do r = first, last
-            change(:, r - first + 1) = change(:, r - first + 1) + self%M_n(3*r - 2:3*r, a)*self%x(1, a)
-         end do
+         call add_product(size(change), 1, self%M_n(3*first - 2, a), size(self%M_n, 1), self%x(1, a), change)
       end do
       self%trial(:, first:last) = self%predicted(:, first:last) + change
    end subroutine evaluate
@@ -192,7 +190,7 @@ contains
       class(contact_block_t), intent(inout) :: self
       real(real32) :: change(3, self%columns), dx_t(2, self%columns)
       real(wp) :: unit
-      integer :: a, r, n
+      integer :: a, n
 
       n = self%columns
       self%last_change = 0.0_wp
@@ -205,9 +203,7 @@ contains
       self%last_change = unit*maxval(abs(change))
       do a = 1, n
          if (self%dx(1, a) == 0.0_wp) cycle
-         do r = 1, n
-            self%trial(:, r) = self%trial(:, r) + self%M_n(3*r - 2:3*r, a)*self%dx(1, a)
-         end do
+         call add_product(3*n, 1, self%M_n(1, a), size(self%M_n, 1), self%dx(1, a), self%trial)
       end do
       self%x(:, :n) = self%x(:, :n) + self%dx(:, :n)
    end subroutine apply

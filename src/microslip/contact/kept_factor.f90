@@ -11,7 +11,7 @@ module microslip_contact_kept_factor
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_laws, only: state_open, state_slip
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: add_product_single, inverse_single
+   use microslip_linalg_dense, only: add_product_single, inverse_single, product_single
    implicit none(type, external)
    private
 
@@ -28,8 +28,8 @@ module microslip_contact_kept_factor
       integer, allocatable, private :: entries(:)
       !> J^-1
       real(real32), allocatable, private :: inverse(:, :)
-      !> (inverted, border) J^-1 times the border's columns; (border, inverted) its rows; Schur complement, its inverse
-      real(real32), allocatable, private :: right(:, :), below(:, :), schur(:, :), schur_inverse(:, :)
+      !> (inverted, border) J^-1 times the border's columns; (border, inverted) its rows; inverse of its Schur complement
+      real(real32), allocatable, private :: right(:, :), below(:, :), schur_inverse(:, :)
       !> (2, columns), (columns) linearisation of the laws
       real(wp), allocatable, private :: direction(:, :), beta(:)
    contains
@@ -110,7 +110,7 @@ contains
       place(self%codes) = [(k, k=1, size(self%codes))]
       border = [pack(wanted, place(wanted) == 0), -pack([(k, k=1, size(self%codes))],.not. is_wanted(self%codes))]
       n = size(self%codes)
-      if (4*size(border) > n + 32 .or. size(border) > 120) then
+      if (4*size(border) > n + 32) then
          call self%rebuild(block, singular)
          return
       end if
@@ -200,50 +200,82 @@ contains
       type(contact_block_t), intent(in) :: block
       integer, intent(in) :: border(:), kept
       logical, intent(out) :: singular
-      real(real32), allocatable :: right(:, :), below(:, :), schur(:, :), part(:, :)
+      real(real32), allocatable :: right(:, :), below(:, :), new_right(:, :), new_below(:, :), S_12(:, :), S_21(:, :), &
+         & S_22(:, :), part(:, :)
       integer, allocatable :: came(:), old(:), place(:), rows(:)
       integer :: n, m, k
 
       n = size(self%codes)
-      m = size(border)
-      allocate (right(n, m), below(m, n), schur(m, m), source=0.0_real32)
-      if (kept > 0) then
-         right(:, :kept) = self%right
-         below(:kept, :) = self%below
-         schur(:kept, :kept) = self%schur
-      end if
-      rows = pack([(k, k=kept + 1, m)], border(kept + 1:) > 0)
-      came = border(rows)
+      m = size(border) - kept
+      ! New columns and rows of the bordered matrix: what came has its own, what went has a unit vector.
+      allocate (new_right(n, m), new_below(m, n), S_12(kept, m), S_21(m, kept), S_22(m, m), source=0.0_real32)
+      rows = pack([(k, k=1, m)], border(kept + 1:) > 0)
+      came = border(kept + rows)
       call fill_jacobian(self, block, self%codes, came, part)
-      right(:, rows) = part
+      new_right(:, rows) = part
       call fill_jacobian(self, block, came, self%codes, part)
-      below(rows, :) = part
+      new_below(rows, :) = part
       call fill_jacobian(self, block, came, came, part)
-      schur(rows, rows) = part
-      if (kept > 0) then
-         place = pack([(k, k=1, kept)], border(:kept) > 0)
-         old = border(place)
-         call fill_jacobian(self, block, old, came, part)
-         schur(place, rows) = part
-         call fill_jacobian(self, block, came, old, part)
-         schur(rows, place) = part
-      end if
-      do k = kept + 1, m
-         if (border(k) > 0) cycle
-         right(-border(k), k) = 1.0_real32
-         below(k, -border(k)) = 1.0_real32
+      S_22(rows, rows) = part
+      place = pack([(k, k=1, kept)], border(:kept) > 0)
+      old = border(place)
+      call fill_jacobian(self, block, old, came, part)
+      S_12(place, rows) = part
+      call fill_jacobian(self, block, came, old, part)
+      S_21(rows, place) = part
+      do k = 1, m
+         if (border(kept + k) > 0) cycle
+         new_right(-border(kept + k), k) = 1.0_real32
+         new_below(k, -border(kept + k)) = 1.0_real32
       end do
-      right(:, kept + 1:) = matmul(self%inverse, right(:, kept + 1:))
-      schur(:, kept + 1:) = schur(:, kept + 1:) - matmul(below, right(:, kept + 1:))
-      schur(kept + 1:, :kept) = schur(kept + 1:, :kept) - matmul(below(kept + 1:, :), right(:, :kept))
-      self%schur_inverse = schur
-      call inverse_single(self%schur_inverse, singular)
+      new_right = product_single(self%inverse, new_right)
+      S_22 = S_22 - product_single(new_below, new_right)
+      if (kept == 0) then
+         call move_alloc(new_right, self%right)
+         call move_alloc(new_below, self%below)
+         call move_alloc(S_22, self%schur_inverse)
+         call inverse_single(self%schur_inverse, singular)
+      else
+         S_12 = S_12 - product_single(self%below, new_right)
+         S_21 = S_21 - product_single(new_below, self%right)
+         call extend_inverse(self%schur_inverse, S_12, S_21, S_22, singular)
+         allocate (right(n, kept + m), below(kept + m, n))
+         right(:, :kept) = self%right
+         right(:, kept + 1:) = new_right
+         below(:kept, :) = self%below
+         below(kept + 1:, :) = new_below
+         call move_alloc(right, self%right)
+         call move_alloc(below, self%below)
+      end if
       self%border = border
-      call move_alloc(right, self%right)
-      call move_alloc(below, self%below)
-      call move_alloc(schur, self%schur)
       if (singular) self%exists = .false.
    end subroutine extend_border
+
+   !> The inverse of [S_11 S_12; S_21 S_22] from that of S_11.
+   subroutine extend_inverse(inverse, S_12, S_21, S_22, singular)
+      real(real32), allocatable, intent(inout) :: inverse(:, :)
+      real(real32), intent(in), contiguous :: S_12(:, :), S_21(:, :)
+      !> Becomes the lower right part of the inverse
+      real(real32), intent(inout), contiguous :: S_22(:, :)
+      logical, intent(out) :: singular
+      real(real32), allocatable :: larger(:, :), U(:, :), V(:, :), UT(:, :)
+      integer :: n, m
+
+      n = size(S_12, 1)
+      m = size(S_12, 2)
+      U = product_single(inverse, S_12)
+      V = product_single(S_21, inverse)
+      S_22 = S_22 - product_single(S_21, U)
+      call inverse_single(S_22, singular)
+      if (singular) return
+      UT = product_single(U, S_22)
+      allocate (larger(n + m, n + m))
+      larger(:n, :n) = inverse + product_single(UT, V)
+      larger(:n, n + 1:) = -UT
+      larger(n + 1:, :n) = -product_single(S_22, V)
+      larger(n + 1:, n + 1:) = S_22
+      call move_alloc(larger, inverse)
+   end subroutine extend_inverse
 
    !> Increments dx with J dx = -violation: slipping points have tangential ones, open points all three.
    subroutine solve(self, columns, violation, dx)

@@ -17,7 +17,7 @@ module microslip_contact_lookout
    public :: lookout_t
 
    !> Base points in a tile.
-   integer, parameter :: tile_size = 8
+   integer, parameter :: tile_size = 4
 
    !> Watched: the points of the base set, then those outside it.
    type :: lookout_t

@@ -198,27 +198,32 @@ contains
       force = self%force + reshape(work, shape(self%force))
    end subroutine everywhere
 
-   !> Count in what a point moves in a step; its force before and after belong to q_before and q.
-   pure subroutine add(self, base, place, x, force_before, force, q_before, q)
+   !> Count in what the columns of a block move in a step; their forces before and after belong to q_before and q.
+   subroutine add(self, base, block, q_before, q)
       class(reference_t), intent(inout) :: self
       type(base_set_t), intent(in) :: base
-      integer, intent(in) :: place
-      !> (3) m
-      real(wp), intent(in) :: x(3)
-      !> (3) N
-      real(wp), intent(in) :: force_before(3), force(3)
+      !> Its forces are those before the step, its trial forces those after it
+      type(contact_block_t), intent(in) :: block
       real(wp), intent(in) :: q_before(:), q(:)
-      integer :: k
+      real(wp) :: dh(size(q))
+      integer :: a, c, k
 
-      ! M y = force - S q, and the change of y^T M y is x^T (M y before + M y after).
-      do k = 1, 3
-         if (x(k) == 0.0_wp) cycle
-         self%c = self%c + x(k)*(force_before(k) + force(k) - dot_product(base%slope(:, 3*place - 3 + k), q_before + q))
-         self%h = self%h + base%slope(:, 3*place - 3 + k)*x(k)
-         self%h_output = self%h_output + base%output_slope(:, 3*place - 3 + k)*x(k)
+      dh = 0.0_wp
+      do a = 1, block%columns
+         do c = 1, 3
+            if (block%x(c, a) == 0.0_wp) cycle
+            k = 3*block%place(a) - 3 + c
+            dh(:) = dh + base%slope(:, k)*block%x(c, a)
+            self%h_output(:) = self%h_output + base%output_slope(:, k)*block%x(c, a)
+            ! M y = force - S q, and the change of y^T M y is x^T (M y before + M y after).
+            self%c = self%c + block%x(c, a)*(block%force(c, a) + block%trial(c, a))
+         end do
+         if (all(block%x(:, a) == 0.0_wp)) cycle
+         self%moved(:, block%place(a)) = self%moved(:, block%place(a)) + block%x(:, a)
+         self%has_moved(block%place(a)) = .true.
       end do
-      self%moved(:, place) = self%moved(:, place) + x
-      self%has_moved(place) = .true.
+      self%h = self%h + dh
+      self%c = self%c - dot_product(dh, q_before + q)
    end subroutine add
 
    !> Reaction, outputs and energy at a driver.

@@ -12,7 +12,7 @@ module microslip_linalg_dense
    public :: cholesky_factor, cholesky_solve, inverse_spd, solve_general
    public :: eigen_symmetric, eigen_generalised
    public :: product_of, product_symmetric, add_product, add_dots, gram_product, mirror_upper
-   public :: inverse_single, add_product_single, orthonormalise
+   public :: inverse_single, product_single, add_product_single, orthonormalise
 
    !> Size below which a product with a vector is done here: OpenBLAS shares out even the smallest one among the
    !> threads, which takes longer than the product.
@@ -139,6 +139,14 @@ module microslip_linalg_dense
          real(real32), intent(out) :: work(*)
          integer, intent(out) :: info
       end subroutine sgetri
+
+      subroutine sgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+         import :: real32
+         character(len=1), intent(in) :: transa, transb
+         integer, intent(in) :: m, n, k, lda, ldb, ldc
+         real(real32), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         real(real32), intent(inout) :: c(ldc, *)
+      end subroutine sgemm
 
       subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
          import :: wp
@@ -397,6 +405,19 @@ contains
          sums(j) = sums(j) + total
       end do
    end subroutine add_dots
+
+   !> C = A B in single precision.
+   function product_single(a, b) result(c)
+      real(real32), intent(in), contiguous :: a(:, :), b(:, :)
+      real(real32) :: c(size(a, 1), size(b, 2))
+      integer :: m, n, k
+
+      m = size(a, 1)
+      k = size(a, 2)
+      n = size(b, 2)
+      c = 0.0_real32
+      if (min(m, n, k) > 0) call sgemm('N', 'N', m, n, k, 1.0_real32, a, m, b, k, 0.0_real32, c, m)
+   end function product_single
 
    !> A becomes its inverse, in single precision.
    subroutine inverse_single(a, singular)
