@@ -167,7 +167,7 @@ contains
       call one_fault(error, "'modal', mode = 1", "'modal', mode = 1, size = 2.0", "size = 2.0: allowed: only with kind = 'nodes'")
       call one_fault(error, "&load name = 'impact'", &
          "&load name = 'rest', node_set = 'a', direction = 1, 0, 0, size = 1.0 /"//nl//"&load name = 'impact'", &
-         "&load 3 'rest': allowed: a &load that &preload or an &excitation uses")
+         "&load 3 'rest': allowed: a &load that &preload, an &excitation or &harmonic_balance uses")
       call one_fault(error, "&transient duration = 0.1 /"//nl// &
          "&excitation load = 'impact', kind = 'half_sine', amplitude = 1.0, duration = 5e-4 /"//nl// &
          "&output sensors = 'middle', snapshots = 0.0, 0.05 /"//nl, "", "&load 3 'impact': allowed: a &load that", lines=2)
