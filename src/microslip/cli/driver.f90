@@ -1,7 +1,7 @@
 !> Runs the cases of a command line: reads, builds, analyses in the order asked for, writes.
 module microslip_cli_driver
    use microslip_analysis_decay_recorder, only: decay_recorder_t
-   use microslip_analysis_excitation, only: excitation_t, kind_half_sine, kind_harmonic
+   use microslip_analysis_excitation, only: end_of_all
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: choose_potential_set, potential_points, carry_over
@@ -11,6 +11,7 @@ module microslip_cli_driver
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, run_transient
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
+   use microslip_cli_motion_input, only: excitations_of, meter_of
    use microslip_cli_scene, only: scene_t, build_scene, read_model
    use microslip_cli_scene_report, only: report_scene, expected_unknowns
    use microslip_contact_factory, only: contact_options_t
@@ -232,7 +233,7 @@ contains
       logical, allocatable :: everything(:)
       integer :: k
 
-      call new_system(run%reduced, run%scene%pads, run%scene%n_node_loads, damping(run), run%system, error)
+      call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
       if (allocated(error)) return
       run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver)
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
@@ -365,16 +366,16 @@ contains
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       if (round > 1) call write_system(run, error)
-      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, node_load_names(run), error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, pattern_load_names(run), error)
       call run%clock%stop('write')
    end subroutine preload
 
-   !> Names of the loads on nodes, in the system's order.
-   function node_load_names(run) result(names)
+   !> Names of the loads with a force pattern, in the system's order.
+   function pattern_load_names(run) result(names)
       type(run_t), intent(in) :: run
       character(len=64), allocatable :: names(:)
-      names = pack(run%case%loads%name, run%case%loads%kind == 'nodes')
-   end function node_load_names
+      names = pack(run%case%loads%name, run%case%loads%kind /= 'modal')
+   end function pattern_load_names
 
    !> Numbers with blanks in front.
    pure function listed(values) result(text)
@@ -422,7 +423,8 @@ contains
       options = transient_options(run)
       call recorder%create(run%results, run%system, sensor_names(run), error)
       if (allocated(error)) return
-      call recorder%line%start('transient', options%duration, line%quiet)
+      call recorder%line%start('transient', merge(options%duration, end_of_all(options%excitations), &
+         & options%duration > 0.0_wp), line%quiet)
       before = potential_points(run%system)
       if (run%case%runs('ringdown')) then
          keeper%onward => recorder
@@ -543,7 +545,7 @@ contains
          options%periods = record%periods
          options%overlap = record%overlap
          options%sensors = run%case%find_sensors(record%sensor)
-         if (size(run%case%excitations) > 0) options%start = maxval(run%case%excitations%start + run%case%excitations%duration)
+         options%start = end_of_all(excitations_of(run%case, run%scene))
          if (allocated(record%start)) options%start = record%start
          if (allocated(record%mode)) options%frequency = run%modes%frequency(record%mode)
       end associate
@@ -597,7 +599,6 @@ contains
    function transient_options(run) result(options)
       type(run_t), intent(in) :: run
       type(transient_options_t) :: options
-      integer :: k
 
       associate (record => run%case%transient)
          options%duration = record%duration
@@ -606,15 +607,8 @@ contains
       end associate
       options%stride = run%case%output%stride
       if (allocated(run%case%output%snapshots)) options%snapshots = run%case%output%snapshots
-      allocate (options%excitations(size(run%case%excitations)))
-      do k = 1, size(options%excitations)
-         associate (record => run%case%excitations(k))
-            options%excitations(k) = excitation_t(load=run%scene%load_index(run%case%find_load(record%load)), &
-               & kind=merge(kind_half_sine, kind_harmonic, record%kind == 'half_sine'), amplitude=record%amplitude, &
-               & start=record%start, duration=record%duration, frequency=record%frequency, &
-               & phase=record%phase*pi/180.0_wp)
-         end associate
-      end do
+      options%excitations = excitations_of(run%case, run%scene)
+      options%meter = meter_of(run%case)
    end function transient_options
 
 end module microslip_cli_driver

@@ -8,9 +8,9 @@ module microslip_io_case_file
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text
    use microslip_io_case, only: case_t
-   use microslip_io_case_analyses, only: load_keys, excitation_keys, preload_keys, linear_modes_keys, transient_keys, &
-      output_keys
+   use microslip_io_case_analyses, only: load_keys, preload_keys, linear_modes_keys, transient_keys, output_keys
    use microslip_io_case_checks, only: check_case
+   use microslip_io_case_excitation, only: excitation_keys, settling_keys
    use microslip_io_case_interface, only: interface_keys, topography_keys
    use microslip_io_case_modal, only: qsma_keys, ringdown_keys
    use microslip_io_case_model, only: case_keys, model_keys, reduction_keys, damping_keys, contact_keys
@@ -21,10 +21,10 @@ module microslip_io_case_file
 
    public :: read_case, case_from_text, resolved_text
 
-   character(len=*), parameter :: single(11) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
-      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'output']
+   character(len=*), parameter :: single(12) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
+      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'settling', 'output']
    character(len=*), parameter :: repeated(4) = [character(len=16) :: 'interface', 'topography', 'load', 'excitation']
-   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
+   character(len=*), parameter :: announced(2) = [character(len=16) :: 'harmonic_balance', 'epmc']
    !> Larger files are no case files (characters).
    integer, parameter :: largest_file = 4000000
 
@@ -113,6 +113,7 @@ contains
       if (input%runs('transient')) text = text//written('transient')//all_written('excitation', size(input%excitations))
       if (input%runs('qsma')) text = text//written('qsma')
       if (input%runs('ringdown')) text = text//written('ringdown')
+      if (input%runs('settling')) text = text//written('settling')
       text = text//written('output')
 
    contains
@@ -162,6 +163,7 @@ contains
       case ('transient'); call transient_keys(keys, input%transient)
       case ('qsma'); call qsma_keys(keys, input%qsma)
       case ('ringdown'); call ringdown_keys(keys, input%ringdown)
+      case ('settling'); call settling_keys(keys, input%settling)
       case ('excitation'); call excitation_keys(keys, input%excitations(keys%number))
       case ('output'); call output_keys(keys, input%output)
       end select
@@ -258,6 +260,7 @@ contains
       call require('transient', input%runs('transient'))
       call require('qsma', input%runs('qsma'))
       call require('ringdown', input%runs('ringdown'))
+      call require('settling', input%runs('settling'))
 
    contains
 

@@ -11,9 +11,9 @@ module microslip_io_case_model
    public :: case_keys, model_keys, reduction_keys, damping_keys, contact_keys, length_units
 
    character(len=*), parameter :: length_units(3) = ['m ', 'mm', 'um']
-   character(len=*), parameter :: available(5) = &
-      [character(len=16) :: 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown']
-   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
+   character(len=*), parameter :: available(6) = &
+      [character(len=16) :: 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'settling']
+   character(len=*), parameter :: announced(2) = [character(len=16) :: 'harmonic_balance', 'epmc']
 
 contains
 
