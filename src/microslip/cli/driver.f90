@@ -8,6 +8,7 @@ module microslip_cli_driver
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
    use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
+   use microslip_analysis_settling, only: settling_options_t, settling_record_t, run_settling
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, run_transient
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
@@ -30,6 +31,7 @@ module microslip_cli_driver
    use microslip_io_model_file, only: write_model_hdf5
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
    use microslip_io_results, only: results_t
+   use microslip_io_settling_results, only: write_settling
    use microslip_io_transient_results, only: transient_results_t
    use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
    use microslip_system_jointed_system, only: jointed_system_t, new_system
@@ -310,6 +312,8 @@ contains
             call qsma(run, error)
          case ('ringdown')
             call ringdown(run, error)
+         case ('settling')
+            call settling(run, line, error)
          end select
          if (allocated(error)) return
       end do
@@ -453,6 +457,98 @@ contains
       if (record%unconverged > 0) call failure(error, 'transient: '//to_text(record%unconverged)//' of ' &
          & //to_text(record%steps)//' steps did not converge')
    end subroutine transient
+
+   !> Impact sequence; the state becomes the equilibrium that it ends in.
+   subroutine settling(run, line, error)
+      type(run_t), intent(inout) :: run
+      type(command_line_t), intent(in) :: line
+      type(error_t), allocatable, intent(out) :: error
+      type(settling_options_t) :: options
+      type(settling_record_t) :: record
+      type(transient_results_t), target :: series
+      type(decay_recorder_t), target :: keeper
+      type(error_t), allocatable :: ignored
+
+      call add_modal_loads(run, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
+      if (.not. allocated(error)) call shape_of_mode(run, 'settling', run%case%settling%mode, keeper%phi, error)
+      if (.not. allocated(error)) call series%create(run%results, run%system, sensor_names(run), error, '/settling')
+      if (allocated(error)) return
+      options = settling_options(run)
+      keeper%onward => series
+      keeper%origin = run%state%modal
+      call series%line%start('settling', size(options%amplitude)*options%interval, line%quiet)
+      if (run%case%settling%ringdown) then
+         call run_settling(run%system, run%state, options, contact_options(run), keeper, record, error)
+      else
+         call run_settling(run%system, run%state, options, contact_options(run), series, record, error)
+      end if
+      call series%write_summary(record%transient, ignored)
+      call series%close(ignored)
+      if (record%transient%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
+      call run%clock%stop('settling')
+      if (allocated(error)) return
+      if (allocated(ignored)) call move_alloc(ignored, error)
+      associate (last => ubound(record%after, 1))
+         call run%log%line('settling: '//to_text(last)//' impacts, '//to_text(record%transient%steps)//' steps; static ' &
+            & //'position shifted, um:'//listed(1.0e6_wp*(record%after(last)%sensor - record%after(0)%sensor)) &
+            & //'; energy balance error '//to_text(record%transient%balance_error, 2)//' of the largest kinetic energy')
+      end associate
+      if (.not. allocated(error)) call write_settling(run%results%file, run%system, options%amplitude, record, run%state, error)
+      if (.not. allocated(error) .and. run%case%settling%ringdown) call identify_decays(run, options, keeper%decay(), error)
+      call run%clock%stop('write')
+   end subroutine settling
+
+   !> Modal parameters from the free decay after every impact.
+   subroutine identify_decays(run, options, decay, error)
+      type(run_t), intent(in) :: run
+      type(settling_options_t), intent(in) :: options
+      !> Of all impacts
+      type(decay_t), intent(in) :: decay
+      type(error_t), allocatable, intent(out) :: error
+      type(decay_t) :: part
+      type(ringdown_t) :: found
+      integer, allocatable :: samples(:)
+      integer :: k, j
+
+      do k = 1, size(options%amplitude)
+         samples = pack([(j, j=1, size(decay%time))], decay%time >= (k - 1)*options%interval + options%duration &
+            & .and. decay%time < k*options%interval)
+         part%time = decay%time(samples)
+         part%sensor = decay%sensor(:, samples)
+         part%modal = decay%modal(samples)
+         call identify_ringdown(part, ringdown_options_t(frequency=1.0_wp/options%period, &
+            & sensors=run%case%find_sensors('')), found, error)
+         if (.not. allocated(error)) call write_ringdown(run%results%file, found, error, '/settling/ringdown_'//to_text(k))
+         if (allocated(error)) then
+            error%message = 'settling, impact '//to_text(k)//': '//error%message
+            return
+         end if
+         call run%log%line('settling: impact '//to_text(k)//': amplitude '//to_text(1.0e6_wp*found%amplitude(1), 4)//' um, ' &
+            & //'frequency '//to_text(found%frequency(1), 6)//' to '//to_text(found%frequency(size(found%time)), 6) &
+            & //' Hz, damping ratio '//to_text(found%damping_ratio(1), 3)//' to ' &
+            & //to_text(found%damping_ratio(size(found%time)), 3))
+      end do
+   end subroutine identify_decays
+
+   !> Options of the impact sequence.
+   function settling_options(run) result(options)
+      type(run_t), intent(in) :: run
+      type(settling_options_t) :: options
+
+      associate (record => run%case%settling)
+         options%load = run%scene%load_index(run%case%find_load(record%load))
+         options%amplitude = record%amplitude
+         if (size(record%amplitude) == 1) options%amplitude = spread(record%amplitude(1), 1, record%impacts)
+         options%duration = record%duration
+         options%interval = record%interval
+         options%period = 1.0_wp/run%modes%frequency(record%mode)
+         options%periods = record%periods
+         options%time_step = record%safety/run%system%highest_angular_frequency()
+         if (allocated(record%time_step)) options%time_step = record%time_step
+         options%stride = run%case%output%stride
+      end associate
+   end function settling_options
 
    !> Damping that refers to the preloaded structure.
    subroutine settle_damping(run, error)

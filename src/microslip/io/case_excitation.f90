@@ -72,24 +72,27 @@ contains
       type(group_keys_t), intent(inout) :: keys
       type(excitation_case_t), intent(inout) :: record
       character(len=*), parameter :: ends(2) = [character(len=14) :: 'frequency_from', 'frequency_to']
+      logical :: listed
 
+      listed = allocated(record%frequencies)
+      if (keys%is_reading) listed = keys%given('frequencies')
       if (record%kind == 'stepped_sine') then
          call keys%real_list('frequencies', record%frequencies, positive, [1, most_frequencies])
          call keys%exactly_one([character(len=14) :: 'frequencies', 'frequency_from'])
       else
          call keys%ignored(['frequencies'], "with kind = 'stepped_sine'", decided_by='kind')
       end if
-      if (record%kind == 'swept_sine' .or. (record%kind == 'stepped_sine' .and. .not. allocated(record%frequencies))) then
+      if (record%kind == 'swept_sine' .or. (record%kind == 'stepped_sine' .and. .not. listed)) then
          call keys%real_key('frequency_from', record%frequency_from, positive, required=record%kind == 'swept_sine')
          call keys%real_key('frequency_to', record%frequency_to, positive, required=.true.)
          if (keys%is_reading .and. record%frequency_from == record%frequency_to .and. record%frequency_to > 0.0_wp) &
             call keys%fault('frequency_to', 'another number than frequency_from')
       else if (record%kind == 'stepped_sine') then
-         call keys%ignored(ends, 'without frequencies', decided_by='frequencies')
+         call keys%ignored(ends(2:), 'without frequencies', decided_by='frequencies')
       else
          call keys%ignored(ends, "with kind = 'stepped_sine' or 'swept_sine'", decided_by='kind')
       end if
-      if (record%kind == 'stepped_sine' .and. .not. allocated(record%frequencies)) then
+      if (record%kind == 'stepped_sine' .and. .not. listed) then
          call keys%integer_key('frequency_count', record%frequency_count, at_least(2, most_frequencies), required=.true.)
       else
          call keys%ignored(['frequency_count'], 'with a stepped sine from frequency_from', decided_by='kind')
