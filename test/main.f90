@@ -35,6 +35,7 @@ program main
    use test_halfspace_grid, only: collect_halfspace_grid
    use test_halfspace_love_cerruti, only: collect_halfspace_love_cerruti
    use test_io_calculix, only: collect_io_calculix
+   use test_io_case_excitation, only: collect_io_case_excitation
    use test_io_case_faults, only: collect_io_case_faults
    use test_io_case_file, only: collect_io_case_file
    use test_io_hdf5, only: collect_io_hdf5
@@ -43,6 +44,7 @@ program main
    use test_io_namelist_text, only: collect_io_namelist_text
    use test_io_progress, only: collect_io_progress
    use test_io_results, only: collect_io_results
+   use test_io_time_series_file, only: collect_io_time_series_file
    use test_io_topography_file, only: collect_io_topography_file
    use test_linalg_dense, only: collect_linalg_dense
    use test_linalg_eigenpairs, only: collect_linalg_eigenpairs
@@ -97,6 +99,7 @@ program main
       & new_testsuite('halfspace_grid', collect_halfspace_grid), &
       & new_testsuite('halfspace_love_cerruti', collect_halfspace_love_cerruti), &
       & new_testsuite('io_calculix', collect_io_calculix), &
+      & new_testsuite('io_case_excitation', collect_io_case_excitation), &
       & new_testsuite('io_case_faults', collect_io_case_faults), &
       & new_testsuite('io_case_file', collect_io_case_file), &
       & new_testsuite('io_hdf5', collect_io_hdf5), &
@@ -105,6 +108,7 @@ program main
       & new_testsuite('io_namelist_text', collect_io_namelist_text), &
       & new_testsuite('io_progress', collect_io_progress), &
       & new_testsuite('io_results', collect_io_results), &
+      & new_testsuite('io_time_series_file', collect_io_time_series_file), &
       & new_testsuite('io_topography_file', collect_io_topography_file), &
       & new_testsuite('linalg_dense', collect_linalg_dense), &
       & new_testsuite('linalg_eigenpairs', collect_linalg_eigenpairs), &

@@ -8,9 +8,9 @@ module microslip_io_case_file
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text
    use microslip_io_case, only: case_t
-   use microslip_io_case_analyses, only: load_keys, excitation_keys, preload_keys, linear_modes_keys, transient_keys, &
-      output_keys
+   use microslip_io_case_analyses, only: load_keys, preload_keys, linear_modes_keys, transient_keys, output_keys
    use microslip_io_case_checks, only: check_case
+   use microslip_io_case_excitation, only: excitation_keys, settling_keys
    use microslip_io_case_interface, only: interface_keys, topography_keys
    use microslip_io_case_modal, only: qsma_keys, ringdown_keys
    use microslip_io_case_periodic, only: harmonic_balance_keys, epmc_keys
@@ -22,10 +22,9 @@ module microslip_io_case_file
 
    public :: read_case, case_from_text, resolved_text
 
-   character(len=*), parameter :: single(13) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
-      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'harmonic_balance', 'epmc', 'output']
+   character(len=*), parameter :: single(14) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
+      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'settling', 'harmonic_balance', 'epmc', 'output']
    character(len=*), parameter :: repeated(4) = [character(len=16) :: 'interface', 'topography', 'load', 'excitation']
-   character(len=*), parameter :: announced(1) = [character(len=16) :: 'settling']
    !> Larger files are no case files (characters).
    integer, parameter :: largest_file = 4000000
 
@@ -116,6 +115,7 @@ contains
       if (input%runs('ringdown')) text = text//written('ringdown')
       if (input%runs('harmonic_balance')) text = text//written('harmonic_balance')
       if (input%runs('epmc')) text = text//written('epmc')
+      if (input%runs('settling')) text = text//written('settling')
       text = text//written('output')
 
    contains
@@ -167,6 +167,7 @@ contains
       case ('ringdown'); call ringdown_keys(keys, input%ringdown)
       case ('harmonic_balance'); call harmonic_balance_keys(keys, input%harmonic_balance)
       case ('epmc'); call epmc_keys(keys, input%epmc)
+      case ('settling'); call settling_keys(keys, input%settling)
       case ('excitation'); call excitation_keys(keys, input%excitations(keys%number))
       case ('output'); call output_keys(keys, input%output)
       end select
@@ -188,8 +189,6 @@ contains
          if (any(single == found(k)%name)) then
             wanted(k) = number_of(found, k) == 1
             if (.not. wanted(k)) call faults%add(place//'second group of this name: allowed: one &'//found(k)%name)
-         else if (any(announced == found(k)%name)) then
-            call faults%add(place//'announced, but not available yet: allowed: '//quoted_list([single, repeated]))
          else if (.not. wanted(k)) then
             call faults%add(place//'unknown group: allowed: '//suggestion(found(k)%name))
          end if
@@ -265,6 +264,7 @@ contains
       call require('ringdown', input%runs('ringdown'))
       call require('harmonic_balance', input%runs('harmonic_balance'))
       call require('epmc', input%runs('epmc'))
+      call require('settling', input%runs('settling'))
 
    contains
 
