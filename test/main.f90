@@ -5,6 +5,11 @@ program main
    use test_analysis_harmonic_balance, only: collect_analysis_harmonic_balance
    use test_analysis_epmc, only: collect_analysis_epmc
    use test_cli_periodic_motions, only: collect_cli_periodic_motions
+   use test_analysis_excitation, only: collect_analysis_excitation
+   use test_analysis_harmonic_meter, only: collect_analysis_harmonic_meter
+   use test_analysis_settling, only: collect_analysis_settling
+   use test_cli_excitations, only: collect_cli_excitations
+   use test_fe_base_load, only: collect_fe_base_load
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
    use test_analysis_qsma, only: collect_analysis_qsma
@@ -69,6 +74,11 @@ program main
       & new_testsuite('analysis_harmonic_balance', collect_analysis_harmonic_balance), &
       & new_testsuite('analysis_epmc', collect_analysis_epmc), &
       & new_testsuite('cli_periodic_motions', collect_cli_periodic_motions), &
+      & new_testsuite('analysis_excitation', collect_analysis_excitation), &
+      & new_testsuite('analysis_harmonic_meter', collect_analysis_harmonic_meter), &
+      & new_testsuite('analysis_settling', collect_analysis_settling), &
+      & new_testsuite('cli_excitations', collect_cli_excitations), &
+      & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
       & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
