@@ -20,8 +20,8 @@ module test_cli_periodic_motions
    !> Changes for all tests
    character(len=*), parameter :: old(5) = [character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', &
       & 'levels = 0.2, 1.0', 'amplitude_range = 1e-7, 1.5e-4']
-   character(len=*), parameter :: new(5) = [character(len=48) :: "file = '../input/s4_coarse", 'nx = 16, ny = 10', &
-      & 'n_modes = 12', 'levels = 1.0', 'amplitude_range = 1e-6, 1.2e-4, points = 12']
+   character(len=*), parameter :: new(5) = [character(len=48) :: "file = '../input/s4_coarse", 'nx = 10, ny = 6', &
+      & 'n_modes = 6', 'levels = 1.0', 'amplitude_range = 1e-6, 2.2e-4, points = 12']
 
 contains
 
