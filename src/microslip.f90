@@ -18,10 +18,15 @@ module microslip
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_excitation, only: excitation_t
+   use microslip_analysis_harmonic_meter, only: harmonic_meter_t, harmonic_window_t
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, transient_recorder_t, sample_t, &
       & run_transient
+   use microslip_analysis_settling, only: residual_t, settling_options_t, settling_record_t, run_settling
    use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma
    use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
+   use microslip_analysis_response_point, only: response_point_t, response_recorder_t
+   use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
+   use microslip_analysis_epmc, only: epmc_options_t, run_epmc
    implicit none(type, external)
    public
 end module microslip

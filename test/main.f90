@@ -1,6 +1,15 @@
 !> Runs the tests: all of them, one suite, or one test (`tester [suite [test]]`).
 program main
    use, intrinsic :: iso_fortran_env, only: error_unit
+   use test_analysis_continuation, only: collect_analysis_continuation
+   use test_analysis_harmonic_balance, only: collect_analysis_harmonic_balance
+   use test_analysis_epmc, only: collect_analysis_epmc
+   use test_cli_periodic_motions, only: collect_cli_periodic_motions
+   use test_analysis_excitation, only: collect_analysis_excitation
+   use test_analysis_harmonic_meter, only: collect_analysis_harmonic_meter
+   use test_analysis_settling, only: collect_analysis_settling
+   use test_cli_excitations, only: collect_cli_excitations
+   use test_fe_base_load, only: collect_fe_base_load
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
    use test_analysis_qsma, only: collect_analysis_qsma
@@ -31,6 +40,7 @@ program main
    use test_halfspace_grid, only: collect_halfspace_grid
    use test_halfspace_love_cerruti, only: collect_halfspace_love_cerruti
    use test_io_calculix, only: collect_io_calculix
+   use test_io_case_excitation, only: collect_io_case_excitation
    use test_io_case_faults, only: collect_io_case_faults
    use test_io_case_file, only: collect_io_case_file
    use test_io_hdf5, only: collect_io_hdf5
@@ -39,6 +49,7 @@ program main
    use test_io_namelist_text, only: collect_io_namelist_text
    use test_io_progress, only: collect_io_progress
    use test_io_results, only: collect_io_results
+   use test_io_time_series_file, only: collect_io_time_series_file
    use test_io_topography_file, only: collect_io_topography_file
    use test_linalg_dense, only: collect_linalg_dense
    use test_linalg_eigenpairs, only: collect_linalg_eigenpairs
@@ -59,6 +70,15 @@ program main
    if (warning /= '') write (error_unit, '(a)') warning
 
    suites = [ &
+      & new_testsuite('analysis_continuation', collect_analysis_continuation), &
+      & new_testsuite('analysis_harmonic_balance', collect_analysis_harmonic_balance), &
+      & new_testsuite('analysis_epmc', collect_analysis_epmc), &
+      & new_testsuite('cli_periodic_motions', collect_cli_periodic_motions), &
+      & new_testsuite('analysis_excitation', collect_analysis_excitation), &
+      & new_testsuite('analysis_harmonic_meter', collect_analysis_harmonic_meter), &
+      & new_testsuite('analysis_settling', collect_analysis_settling), &
+      & new_testsuite('cli_excitations', collect_cli_excitations), &
+      & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
       & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
@@ -89,6 +109,7 @@ program main
       & new_testsuite('halfspace_grid', collect_halfspace_grid), &
       & new_testsuite('halfspace_love_cerruti', collect_halfspace_love_cerruti), &
       & new_testsuite('io_calculix', collect_io_calculix), &
+      & new_testsuite('io_case_excitation', collect_io_case_excitation), &
       & new_testsuite('io_case_faults', collect_io_case_faults), &
       & new_testsuite('io_case_file', collect_io_case_file), &
       & new_testsuite('io_hdf5', collect_io_hdf5), &
@@ -97,6 +118,7 @@ program main
       & new_testsuite('io_namelist_text', collect_io_namelist_text), &
       & new_testsuite('io_progress', collect_io_progress), &
       & new_testsuite('io_results', collect_io_results), &
+      & new_testsuite('io_time_series_file', collect_io_time_series_file), &
       & new_testsuite('io_topography_file', collect_io_topography_file), &
       & new_testsuite('linalg_dense', collect_linalg_dense), &
       & new_testsuite('linalg_eigenpairs', collect_linalg_eigenpairs), &

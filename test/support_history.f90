@@ -1,7 +1,8 @@
 !> A recorder that keeps the time integration in memory.
 module support_history
-   use microslip, only: contact_options_t, error_t, excitation_t, jointed_system_t, operating_state_t, run_transient, &
-      & sample_t, stopwatch_t, transient_options_t, transient_record_t, transient_recorder_t, wp
+   use microslip, only: contact_options_t, error_t, excitation_t, harmonic_meter_t, harmonic_window_t, &
+      & jointed_system_t, operating_state_t, run_transient, sample_t, stopwatch_t, transient_options_t, transient_record_t, &
+      & transient_recorder_t, wp
    use microslip_contact_problem, only: contact_state_t
    implicit none(type, external)
    private
@@ -12,12 +13,14 @@ module support_history
       type(sample_t), allocatable :: samples(:)
       !> s, of the snapshots
       real(wp), allocatable :: snapshots(:)
+      type(harmonic_window_t), allocatable :: windows(:)
       !> Calls of `progress`
       integer :: steps = 0
    contains
       procedure :: record
       procedure :: snapshot
       procedure :: progress
+      procedure :: harmonics
       procedure :: modal
       procedure :: sensor
    end type history_t
@@ -25,11 +28,13 @@ module support_history
 contains
 
    !> Integrate and keep the history; the system and the options are left as they were.
-   subroutine integrate(system, state, dt, steps, excitations, contact, history, summary, error, stride, verify_stride)
+   subroutine integrate(system, state, dt, steps, excitations, contact, history, summary, error, stride, verify_stride, &
+      & meter)
       type(jointed_system_t), intent(in) :: system
       type(operating_state_t), intent(in) :: state
       !> s
       real(wp), intent(in) :: dt
+      !> 0: until the excitations end
       integer, intent(in) :: steps
       type(excitation_t), intent(in) :: excitations(:)
       type(contact_options_t), intent(in) :: contact
@@ -37,6 +42,7 @@ contains
       type(transient_record_t), intent(out) :: summary
       type(error_t), allocatable, intent(out) :: error
       integer, intent(in), optional :: stride, verify_stride
+      type(harmonic_meter_t), intent(in), optional :: meter
       type(jointed_system_t) :: copy
       type(transient_options_t) :: options
       type(stopwatch_t) :: clock
@@ -46,7 +52,8 @@ contains
       options%excitations = excitations
       if (present(stride)) options%stride = stride
       if (present(verify_stride)) options%verify_stride = verify_stride
-      allocate (history%samples(0), history%snapshots(0))
+      if (present(meter)) options%meter = meter
+      allocate (history%samples(0), history%snapshots(0), history%windows(0))
       call clock%start()
       call run_transient(copy, state, options, contact, history, clock, summary, error)
    end subroutine integrate
@@ -84,6 +91,15 @@ contains
 
       if (time >= 0.0_wp .and. all(counts >= 0)) self%steps = self%steps + 1
    end subroutine progress
+
+   subroutine harmonics(self, windows, error)
+      class(history_t), intent(inout) :: self
+      type(harmonic_window_t), intent(in) :: windows(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (allocated(error)) return
+      self%windows = [self%windows, windows]
+   end subroutine harmonics
 
    !> Modal coordinates, (modes, samples).
    pure function modal(self) result(values)

@@ -29,6 +29,7 @@ contains
          new_unittest('interface_values', test_interface_values), &
          new_unittest('several', test_several), &
          new_unittest('modal_parameters', test_modal_parameters), &
+         new_unittest('periodic_motions', test_periodic_motions), &
          new_unittest('announced', test_announced)]
    end subroutine collect_io_case_faults
 
@@ -162,11 +163,11 @@ contains
       call one_fault(error, "source = 'hill',", "source = 'flat',", &
          "height = 12.14e-6: allowed: only with source = 'hill', it would be ignored here")
       call one_fault(error, "duration = 5e-4", "duration = 5e-4, phase = 90", &
-         "&excitation 1: phase = 90: allowed: only with kind = 'harmonic'")
+         "&excitation 1: phase = 90: allowed: only with sines")
       call one_fault(error, "'modal', mode = 1", "'modal', mode = 1, size = 2.0", "size = 2.0: allowed: only with kind = 'nodes'")
       call one_fault(error, "&load name = 'impact'", &
          "&load name = 'rest', node_set = 'a', direction = 1, 0, 0, size = 1.0 /"//nl//"&load name = 'impact'", &
-         "&load 3 'rest': allowed: a &load that &preload or an &excitation uses")
+         "&load 3 'rest': allowed: a &load that &preload, &settling, &harmonic_balance or an &excitation uses")
       call one_fault(error, "&transient duration = 0.1 /"//nl// &
          "&excitation load = 'impact', kind = 'half_sine', amplitude = 1.0, duration = 5e-4 /"//nl// &
          "&output sensors = 'middle', snapshots = 0.0, 0.05 /"//nl, "", "&load 3 'impact': allowed: a &load that", lines=2)
@@ -283,7 +284,7 @@ contains
       call ringdown_fault("start = 0.1", "start = 0.1: allowed: before the end of the &transient, < 0.1 s")
       call ringdown_fault("mode = 12", "mode = 12: allowed: a mode (here 12) out of the 10")
       call ringdown_fault("/ &excitation load = 'impact', kind = 'harmonic', amplitude = 1.0, frequency = 200.0", &
-         "&ringdown: allowed: only with excitations of kind 'half_sine'")
+         "&ringdown: allowed: only with excitations that end")
       call one_fault(error, "'transient' /", "'ringdown', 'transient' /"//nl//"&ringdown /", &
          "&ringdown: allowed: only with 'transient' before 'ringdown'")
 
@@ -301,12 +302,53 @@ contains
 
    end subroutine test_modal_parameters
 
+   !> `&harmonic_balance` and `&epmc`.
+   subroutine test_periodic_motions(error)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: good_hb = "load = 'impact', levels = 1.0, frequency_range = 190, 210", &
+         good_epmc = "amplitude_range = 1e-6, 1e-4"
+
+      call one_fault(error, "'transient' /", "'transient', 'harmonic_balance' /", "&harmonic_balance: the group is missing")
+      call one_fault(error, "'transient' /", "'transient', 'epmc' /", "&epmc: the group is missing")
+      call one_fault(error, "&transient", "&epmc "//good_epmc//" /"//nl//"&transient", &
+         "&epmc: allowed: only with 'epmc' in the analyses of &case")
+      call hb_fault("levels = 1.0, frequency_range = 190, 210", "load: missing")
+      call hb_fault("load = 'impakt', levels = 1.0, frequency_range = 190, 210", "did you mean 'impact'?")
+      call hb_fault("load = 'impact', levels = 1.0, -2.0, frequency_range = 190, 210", &
+         "levels(2) = -2.0: allowed: a finite number > 0")
+      call hb_fault("load = 'impact', levels = 1.0, frequency_range = 190", "frequency_range = 190: allowed: ")
+      call hb_fault(good_hb//", harmonics = 30", "samples: missing: allowed: more than twice the harmonics, > 60")
+      call hb_fault(good_hb//", response_step = 1.5", "response_step = 1.5: allowed: a finite number > 0 and <= 1")
+      call hb_fault(good_hb//", sensor = 'end'", "sensor = 'end': allowed: one of the sensors of &output, 'middle'")
+      call hb_fault(good_hb//" / &contact normal_law = 'velocity'", &
+         "&harmonic_balance: allowed: only with normal_law = 'gap' in &contact")
+      call hb_fault(good_hb//" / &contact compliance = 'fft'", "&harmonic_balance: allowed: not with compliance = 'fft'")
+      call one_fault(error, "'linear_modes', 'transient' /", "'harmonic_balance', 'linear_modes', 'transient' /"//nl// &
+         "&harmonic_balance "//good_hb//" /", "load = 'impact': allowed: a modal load only with 'linear_modes' before "// &
+         "'harmonic_balance'")
+      call epmc_fault("mode = 1", "amplitude_range: missing")
+      call epmc_fault("amplitude_range = 1e-6, 1e-6", "amplitude_range = 1e-6, 1e-6: allowed: two different numbers")
+      call epmc_fault(good_epmc//", mode = 11", "mode = 11: allowed: a mode (here 11) out of the 10")
+      call epmc_fault(good_epmc//", points = 1", "points = 1: allowed: an integer >= 2")
+
+   contains
+
+      subroutine hb_fault(keys, expected)
+         character(len=*), intent(in) :: keys, expected
+         call one_fault(error, "'transient' /", "'transient', 'harmonic_balance' /"//nl//"&harmonic_balance "//keys//" /", &
+            expected)
+      end subroutine hb_fault
+
+      subroutine epmc_fault(keys, expected)
+         character(len=*), intent(in) :: keys, expected
+         call one_fault(error, "'transient' /", "'transient', 'epmc' /"//nl//"&epmc "//keys//" /", expected)
+      end subroutine epmc_fault
+
+   end subroutine test_periodic_motions
+
    subroutine test_announced(error)
       type(error_type), allocatable, intent(out) :: error
 
-      call one_fault(error, "'transient'", "'transient', 'settling'", "analyses(4) = 'settling': allowed: "// &
-         "'preload', 'linear_modes', 'transient', 'qsma', 'ringdown' (this one is announced, but not available yet)")
-      call one_fault(error, "&transient", "&settling /"//nl//"&transient", "&settling: announced, but not available yet")
       call one_fault(error, "source = 'hdf5'", "source = 'abaqus'", &
          "source = 'abaqus': allowed: 'hdf5', 'calculix' (this one is announced, but not available yet)")
    end subroutine test_announced

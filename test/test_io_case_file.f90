@@ -24,6 +24,7 @@ contains
          new_unittest('every_option', test_every_option), &
          new_unittest('round_trip', test_round_trip), &
          new_unittest('modal_parameters', test_modal_parameters), &
+         new_unittest('periodic_motions', test_periodic_motions), &
          new_unittest('native_read', test_native_read), &
          new_unittest('ground', test_ground), &
          new_unittest('file', test_file)]
@@ -183,6 +184,38 @@ contains
          again%qsma%steps == 3 .and. again%qsma%cycle .and. again%qsma%cycle_steps == 7 .and. again%ringdown%mode == 2 .and. &
          same(again%ringdown%periods, 5.5_wp) .and. same(again%ringdown%start, 0.01_wp), 'every key')
    end subroutine test_modal_parameters
+
+   !> `&harmonic_balance` and `&epmc`: every key, and the same again from the resolved text.
+   subroutine test_periodic_motions(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(case_t) :: input, again
+      character(len=:), allocatable :: text
+      integer :: at
+
+      text = beam_case()
+      at = index(text, "'transient' /")
+      text = text(:at - 1)//"'transient', 'harmonic_balance', 'epmc' /"//nl// &
+         "&harmonic_balance load = 'IMPACT', sensor = 'middle', levels = 0.1, 2*1.5, frequency_range = 210.0, 190.0"//nl// &
+         "   harmonics = 7, samples = 64, frequency_step = 0.5, response_step = 0.1, tolerance = 1e-7, max_points = 9 /"//nl// &
+         "&epmc amplitude_range = 1e-6, 1e-4 /"//text(at + len("'transient' /"):)
+      call valid_case(error, text, input)
+      if (allocated(error)) return
+      call valid_case(error, resolved_text(input), again)
+      if (allocated(error)) return
+      call check(error, resolved_text(again), resolved_text(input))
+      if (allocated(error)) return
+      associate (hb => again%harmonic_balance)
+         call check(error, all(same(hb%levels, [0.1_wp, 1.5_wp, 1.5_wp])) .and. all(same(hb%frequency_range, &
+            [210.0_wp, 190.0_wp])) .and. hb%harmonics == 7 .and. hb%samples == 64 .and. same(hb%frequency_step, 0.5_wp) .and. &
+            same(hb%response_step, 0.1_wp) .and. same(hb%tolerance, 1.0e-7_wp) .and. hb%max_points == 9 .and. &
+            again%find_load(hb%load) == 3, 'every key')
+      end associate
+      if (allocated(error)) return
+      associate (epmc => again%epmc)
+         call check(error, epmc%mode == 1 .and. epmc%points == 20 .and. epmc%harmonics == 5 .and. epmc%samples == 50 .and. &
+            all(same(epmc%amplitude_range, [1.0e-6_wp, 1.0e-4_wp])) .and. same(epmc%tolerance, 1.0e-8_wp), 'defaults')
+      end associate
+   end subroutine test_periodic_motions
 
    !> The compiler's own namelist read understands the resolved text and finds the same values.
    subroutine test_native_read(error)

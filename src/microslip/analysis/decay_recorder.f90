@@ -1,5 +1,6 @@
 !> A recorder that keeps in memory what the identification of a ring-down needs, and hands everything on to another one.
 module microslip_analysis_decay_recorder
+   use microslip_analysis_harmonic_meter, only: harmonic_window_t
    use microslip_analysis_ringdown, only: decay_t
    use microslip_analysis_transient, only: sample_t, transient_recorder_t
    use microslip_contact_problem, only: contact_state_t
@@ -24,6 +25,8 @@ module microslip_analysis_decay_recorder
       procedure :: record
       procedure :: snapshot
       procedure :: progress
+      procedure :: harmonics
+      procedure :: verified
       procedure :: decay
    end type decay_recorder_t
 
@@ -84,6 +87,25 @@ contains
 
       call self%onward%progress(time, counts)
    end subroutine progress
+
+   !> Hand on.
+   subroutine harmonics(self, windows, error)
+      class(decay_recorder_t), intent(inout) :: self
+      type(harmonic_window_t), intent(in) :: windows(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%onward%harmonics(windows, error)
+   end subroutine harmonics
+
+   !> Hand on.
+   subroutine verified(self, system, contact, slipped)
+      class(decay_recorder_t), intent(inout) :: self
+      type(jointed_system_t), intent(in) :: system
+      type(contact_state_t), intent(in) :: contact
+      logical, intent(in) :: slipped(:)
+
+      call self%onward%verified(system, contact, slipped)
+   end subroutine verified
 
    !> What was kept.
    function decay(self)

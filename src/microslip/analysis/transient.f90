@@ -12,11 +12,14 @@
 !> Points left out of the potential contact set are checked on the whole grid where the motion turns (the kinetic
 !> energy passes a minimum: the load extremes), every `verify_stride` steps at the latest, and at the end; samples are
 !> handed on only after that. If one would close, it joins and the run repeats from the last check.
+!> The harmonics of the sensors under a sine are found on the way, and may lead a stepped sine on
+!> (`microslip_analysis_harmonic_meter`).
 module microslip_analysis_transient
-   use microslip_analysis_excitation, only: excitation_t, load_amplitudes
+   use microslip_analysis_excitation, only: excitation_t, end_of_all, load_amplitudes
+   use microslip_analysis_harmonic_meter, only: harmonic_meter_t, harmonic_window_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
-   use microslip_contact_laws, only: state_open
+   use microslip_contact_laws, only: state_open, state_slip
    use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, gap_of, book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
@@ -29,13 +32,15 @@ module microslip_analysis_transient
    public :: transient_options_t, transient_record_t, sample_t, transient_recorder_t, energy_t, run_transient
 
    type :: transient_options_t
-      !> s
+      !> s; 0: until the excitations end
       real(wp) :: duration = 0.0_wp
       !> s
       real(wp) :: time_step = 0.0_wp
       !> Every `stride`-th step is recorded
       integer :: stride = 1
       type(excitation_t), allocatable :: excitations(:)
+      !> Harmonics of the sensors under one of the excitations
+      type(harmonic_meter_t) :: meter
       !> s, ascending: times of snapshots
       real(wp), allocatable :: snapshots(:)
       !> Steps between two checks of the points left out
@@ -71,6 +76,8 @@ module microslip_analysis_transient
       procedure(record_interface), deferred :: record
       procedure(snapshot_interface), deferred :: snapshot
       procedure(progress_interface), deferred :: progress
+      procedure :: harmonics => ignore_harmonics
+      procedure :: verified => ignore_verified
    end type transient_recorder_t
 
    abstract interface
@@ -131,6 +138,11 @@ module microslip_analysis_transient
       type(solve_record_t) :: solved
       type(energy_t) :: energy
       real(wp) :: initial_energy = 0.0_wp, largest_kinetic = 0.0_wp, largest_error = 0.0_wp
+      !> As they are: a stepped sine may go on early
+      type(excitation_t), allocatable :: excitations(:)
+      type(harmonic_meter_t) :: meter
+      !> (points) whether they have slipped since the last check
+      logical, allocatable :: slipped(:)
       !> Whether the kinetic energy fell in the last step, and whether it has just passed a minimum
       logical :: slowing = .false., turned = .false.
    end type motion_t
@@ -152,7 +164,7 @@ contains
       class(contact_solver_t), allocatable :: solver
       type(motion_t) :: motion, safe
       type(sample_t), allocatable :: samples(:)
-      integer :: n_steps, block_end, added
+      integer :: block_end, added
 
       call check_time_step(system, options%time_step, error)
       if (allocated(error)) return
@@ -162,14 +174,14 @@ contains
       solver%lazy = .true.
       call solver%start(system%problem, start%contact, error)
       if (allocated(error)) return
-      call begin(system, start, options, motion)
-      n_steps = ceiling(options%duration/options%time_step*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
+      call begin(system, start, options, motion, error)
+      if (allocated(error)) return
       samples = [sample_of(system, motion, options)]
       call clock%stop('transient start')
 
-      do while (motion%step < n_steps)
+      do while (motion%step < last_step(options, motion))
          safe = motion
-         block_end = min(motion%step + options%verify_stride, n_steps, next_snapshot(options, motion%step))
+         block_end = min(motion%step + options%verify_stride, next_snapshot(options, motion%step))
          call advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
          if (allocated(error)) exit
          call solver%complete(system%problem, motion%contact)
@@ -190,6 +202,17 @@ contains
       if (motion%largest_kinetic > 0.0_wp) record%balance_error = motion%largest_error/motion%largest_kinetic
       if (allocated(error)) call keep_results(recorder, samples)
    end subroutine run_transient
+
+   !> The last step of the run, as far as it is known now.
+   pure integer function last_step(options, motion)
+      type(transient_options_t), intent(in) :: options
+      type(motion_t), intent(in) :: motion
+      real(wp) :: duration
+
+      duration = options%duration
+      if (duration <= 0.0_wp) duration = end_of_all(motion%excitations)
+      last_step = ceiling(min(duration/options%time_step, 0.5_wp*huge(1))*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
+   end function last_step
 
    !> The step at which the next snapshot is due: the first one not before its time.
    pure integer function next_snapshot(options, step)
@@ -224,11 +247,12 @@ contains
    end subroutine check_time_step
 
    !> Motion at time zero: equilibrium, v_0 = 0, v_{-1/2} half a step back.
-   subroutine begin(system, start, options, motion)
+   subroutine begin(system, start, options, motion, error)
       type(jointed_system_t), intent(in) :: system
       type(operating_state_t), intent(in) :: start
       type(transient_options_t), intent(in) :: options
       type(motion_t), intent(out) :: motion
+      type(error_t), allocatable, intent(out) :: error
       real(wp) :: acceleration(system%n_modes)
 
       motion%d = start%modal
@@ -236,7 +260,15 @@ contains
       motion%solved%converged = .true.
       call book_step(system%problem, start%contact, start%contact, motion%solved)
       motion%constant = start%amplitude
-      motion%amplitude = load_amplitudes(motion%constant, options%excitations, 0.0_wp)
+      motion%excitations = options%excitations
+      motion%meter = options%meter
+      allocate (motion%slipped(system%problem%n_points), source=.false.)
+      if (motion%meter%excitation > 0) then
+         call motion%meter%start(motion%excitations(motion%meter%excitation), options%time_step, &
+            & size(system%sensor_modal, 2), error)
+         if (allocated(error)) return
+      end if
+      motion%amplitude = load_amplitudes(motion%constant, motion%excitations, 0.0_wp)
       acceleration = matmul(system%load_modal, motion%amplitude) + motion%solved%reaction(:system%n_modes) &
          & - matmul(system%stiffness, motion%d)
       motion%v_before = -0.5_wp*options%time_step*acceleration
@@ -245,6 +277,7 @@ contains
       motion%energy%elastic = elastic_energy(system, motion)
       motion%initial_energy = motion%energy%kinetic + motion%energy%elastic
       motion%energy%elastic = 0.0_wp
+      call measure(system, options%time_step, motion)
    end subroutine begin
 
    !> v_{k+1/2} from v_{k-1/2} and the forces at t_k.
@@ -291,7 +324,7 @@ contains
       class(transient_recorder_t), intent(inout) :: recorder
       type(error_t), allocatable, intent(out) :: error
 
-      do while (motion%step < block_end)
+      do while (motion%step < min(block_end, last_step(options, motion)))
          call take_step(system, options, solver, motion)
          associate (solved => motion%solved)
             record%iterations = record%iterations + solved%iterations
@@ -330,7 +363,7 @@ contains
       motion%v_before = motion%v_after
       motion%d = motion%d + dt*motion%v_before
       motion%step = motion%step + 1
-      motion%amplitude = load_amplitudes(motion%constant, options%excitations, motion%step*dt)
+      motion%amplitude = load_amplitudes(motion%constant, motion%excitations, motion%step*dt)
 
       call solver%advance(system%problem, [motion%d, motion%amplitude], motion%contact, motion%solved)
       call next_velocity(system, dt, motion)
@@ -349,7 +382,28 @@ contains
          e%balance_error = e%external_work - e%viscous_loss - e%friction_loss - (e%kinetic + e%elastic)
          motion%largest_kinetic = max(motion%largest_kinetic, e%kinetic)
       end associate
+      where (motion%contact%status == state_slip) motion%slipped = .true.
+      call measure(system, dt, motion)
    end subroutine take_step
+
+   !> The harmonics of the sensors take the present step.
+   subroutine measure(system, dt, motion)
+      type(jointed_system_t), intent(in) :: system
+      real(wp), intent(in) :: dt
+      type(motion_t), intent(inout) :: motion
+
+      if (motion%meter%excitation == 0) return
+      call motion%meter%observe(motion%excitations(motion%meter%excitation), motion%step*dt, dt, sensors_of(system, motion))
+   end subroutine measure
+
+   !> Displacements at the sensors, (sensors), m.
+   function sensors_of(system, motion) result(u)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(in) :: motion
+      real(wp) :: u(size(system%sensor_modal, 2))
+
+      u = matmul(motion%d, system%sensor_modal) + matmul(motion%amplitude, system%sensor_load) + motion%solved%output
+   end function sensors_of
 
    !> What is recorded of the present step.
    function sample_of(system, motion, options) result(sample)
@@ -361,8 +415,7 @@ contains
       sample%step = motion%step
       sample%time = motion%step*options%time_step
       sample%modal = motion%d
-      sample%sensor = matmul(motion%d, system%sensor_modal) + matmul(motion%amplitude, system%sensor_load) &
-         & + motion%solved%output
+      sample%sensor = sensors_of(system, motion)
       sample%energy = motion%energy
       sample%counts = motion%solved%counts
       sample%iterations = motion%solved%iterations
@@ -399,6 +452,8 @@ contains
             if (contact%status(p) /= state_open) contact%gap(:, p) = safe%contact%gap(:, old)
          end do
       end associate
+      motion%slipped = [(system%previous_index(p) > 0, p=1, system%problem%n_points)]
+      where (motion%slipped) motion%slipped = safe%slipped(max(1, system%previous_index))
       call solver%start(system%problem, motion%contact, error)
    end subroutine resume_from
 
@@ -416,7 +471,7 @@ contains
    subroutine hand_on(system, options, motion, samples, recorder, error)
       type(jointed_system_t), intent(in) :: system
       type(transient_options_t), intent(in) :: options
-      type(motion_t), intent(in) :: motion
+      type(motion_t), intent(inout) :: motion
       type(sample_t), allocatable, intent(inout) :: samples(:)
       class(transient_recorder_t), intent(inout) :: recorder
       type(error_t), allocatable, intent(out) :: error
@@ -425,6 +480,13 @@ contains
       call recorder%record(samples, error)
       if (allocated(error)) return
       samples = samples(:0)
+      call recorder%verified(system, motion%contact, motion%slipped)
+      motion%slipped = .false.
+      if (motion%meter%excitation > 0) then
+         if (size(motion%meter%done) > 0) call recorder%harmonics(motion%meter%done, error)
+         if (allocated(error)) return
+         motion%meter%done = motion%meter%done(:0)
+      end if
       if (.not. allocated(options%snapshots)) return
       do k = 1, size(options%snapshots)
          if (snapshot_step(options, k) /= motion%step) cycle
@@ -432,6 +494,23 @@ contains
          if (allocated(error)) return
       end do
    end subroutine hand_on
+
+   !> Most recorders have no use for harmonics.
+   subroutine ignore_harmonics(self, windows, error)
+      class(transient_recorder_t), intent(inout) :: self
+      !> New ones, in order of time
+      type(harmonic_window_t), intent(in) :: windows(:)
+      type(error_t), allocatable, intent(out) :: error
+   end subroutine ignore_harmonics
+
+   !> Nor for the contact at every check of the points left out, which is where the motion turns.
+   subroutine ignore_verified(self, system, contact, slipped)
+      class(transient_recorder_t), intent(inout) :: self
+      type(jointed_system_t), intent(in) :: system
+      type(contact_state_t), intent(in) :: contact
+      !> (points) whether they have slipped since the check before
+      logical, intent(in) :: slipped(:)
+   end subroutine ignore_verified
 
    !> A failed run hands on what it has.
    subroutine keep_results(recorder, samples)

@@ -1,16 +1,21 @@
 !> Runs the cases of a command line: reads, builds, analyses in the order asked for, writes.
 module microslip_cli_driver
    use microslip_analysis_decay_recorder, only: decay_recorder_t
-   use microslip_analysis_excitation, only: excitation_t, kind_half_sine, kind_harmonic
+   use microslip_analysis_continuation, only: curve_record_t
+   use microslip_analysis_epmc, only: epmc_options_t, run_epmc
+   use microslip_analysis_excitation, only: end_of_all, excitation_t, kind_half_sine, kind_harmonic
+   use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: choose_potential_set, potential_points, carry_over
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
    use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
+   use microslip_analysis_settling, only: settling_options_t, settling_record_t, run_settling
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, run_transient
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
+   use microslip_cli_motion_input, only: excitations_of, meter_of
    use microslip_cli_scene, only: scene_t, build_scene, read_model
    use microslip_cli_scene_report, only: report_scene, expected_unknowns
    use microslip_contact_factory, only: contact_options_t
@@ -28,7 +33,9 @@ module microslip_cli_driver
    use microslip_io_modal_results, only: write_qsma, write_ringdown
    use microslip_io_model_file, only: write_model_hdf5
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
+   use microslip_io_response_results, only: response_results_t
    use microslip_io_results, only: results_t
+   use microslip_io_settling_results, only: write_settling
    use microslip_io_transient_results, only: transient_results_t
    use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
    use microslip_system_jointed_system, only: jointed_system_t, new_system
@@ -232,7 +239,7 @@ contains
       logical, allocatable :: everything(:)
       integer :: k
 
-      call new_system(run%reduced, run%scene%pads, run%scene%n_node_loads, damping(run), run%system, error)
+      call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
       if (allocated(error)) return
       run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver)
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
@@ -309,6 +316,12 @@ contains
             call qsma(run, error)
          case ('ringdown')
             call ringdown(run, error)
+         case ('harmonic_balance')
+            call harmonic_balance(run, error)
+         case ('epmc')
+            call epmc(run, error)
+         case ('settling')
+            call settling(run, line, error)
          end select
          if (allocated(error)) return
       end do
@@ -365,16 +378,16 @@ contains
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       if (round > 1) call write_system(run, error)
-      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, node_load_names(run), error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, pattern_load_names(run), error)
       call run%clock%stop('write')
    end subroutine preload
 
-   !> Names of the loads on nodes, in the system's order.
-   function node_load_names(run) result(names)
+   !> Names of the loads with a force pattern, in the system's order.
+   function pattern_load_names(run) result(names)
       type(run_t), intent(in) :: run
       character(len=64), allocatable :: names(:)
-      names = pack(run%case%loads%name, run%case%loads%kind == 'nodes')
-   end function node_load_names
+      names = pack(run%case%loads%name, run%case%loads%kind /= 'modal')
+   end function pattern_load_names
 
    !> Numbers with blanks in front.
    pure function listed(values) result(text)
@@ -422,7 +435,8 @@ contains
       options = transient_options(run)
       call recorder%create(run%results, run%system, sensor_names(run), error)
       if (allocated(error)) return
-      call recorder%line%start('transient', options%duration, line%quiet)
+      call recorder%line%start('transient', merge(options%duration, end_of_all(options%excitations), &
+         & options%duration > 0.0_wp), line%quiet)
       before = potential_points(run%system)
       if (run%case%runs('ringdown')) then
          keeper%onward => recorder
@@ -452,6 +466,98 @@ contains
       if (record%unconverged > 0) call failure(error, 'transient: '//to_text(record%unconverged)//' of ' &
          & //to_text(record%steps)//' steps did not converge')
    end subroutine transient
+
+   !> Impact sequence; the state becomes the equilibrium that it ends in.
+   subroutine settling(run, line, error)
+      type(run_t), intent(inout) :: run
+      type(command_line_t), intent(in) :: line
+      type(error_t), allocatable, intent(out) :: error
+      type(settling_options_t) :: options
+      type(settling_record_t) :: record
+      type(transient_results_t), target :: series
+      type(decay_recorder_t), target :: keeper
+      type(error_t), allocatable :: ignored
+
+      call add_modal_loads(run, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
+      if (.not. allocated(error)) call shape_of_mode(run, 'settling', run%case%settling%mode, keeper%phi, error)
+      if (.not. allocated(error)) call series%create(run%results, run%system, sensor_names(run), error, '/settling')
+      if (allocated(error)) return
+      options = settling_options(run)
+      keeper%onward => series
+      keeper%origin = run%state%modal
+      call series%line%start('settling', size(options%amplitude)*options%interval, line%quiet)
+      if (run%case%settling%ringdown) then
+         call run_settling(run%system, run%state, options, contact_options(run), keeper, record, error)
+      else
+         call run_settling(run%system, run%state, options, contact_options(run), series, record, error)
+      end if
+      call series%write_summary(record%transient, ignored)
+      call series%close(ignored)
+      if (record%transient%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
+      call run%clock%stop('settling')
+      if (allocated(error)) return
+      if (allocated(ignored)) call move_alloc(ignored, error)
+      associate (last => ubound(record%after, 1))
+         call run%log%line('settling: '//to_text(last)//' impacts, '//to_text(record%transient%steps)//' steps; static ' &
+            & //'position shifted, um:'//listed(1.0e6_wp*(record%after(last)%sensor - record%after(0)%sensor)) &
+            & //'; energy balance error '//to_text(record%transient%balance_error, 2)//' of the largest kinetic energy')
+      end associate
+      if (.not. allocated(error)) call write_settling(run%results%file, run%system, options%amplitude, record, run%state, error)
+      if (.not. allocated(error) .and. run%case%settling%ringdown) call identify_decays(run, options, keeper%decay(), error)
+      call run%clock%stop('write')
+   end subroutine settling
+
+   !> Modal parameters from the free decay after every impact.
+   subroutine identify_decays(run, options, decay, error)
+      type(run_t), intent(in) :: run
+      type(settling_options_t), intent(in) :: options
+      !> Of all impacts
+      type(decay_t), intent(in) :: decay
+      type(error_t), allocatable, intent(out) :: error
+      type(decay_t) :: part
+      type(ringdown_t) :: found
+      integer, allocatable :: samples(:)
+      integer :: k, j
+
+      do k = 1, size(options%amplitude)
+         samples = pack([(j, j=1, size(decay%time))], decay%time >= (k - 1)*options%interval + options%duration &
+            & .and. decay%time < k*options%interval)
+         part%time = decay%time(samples)
+         part%sensor = decay%sensor(:, samples)
+         part%modal = decay%modal(samples)
+         call identify_ringdown(part, ringdown_options_t(frequency=1.0_wp/options%period, &
+            & sensors=run%case%find_sensors('')), found, error)
+         if (.not. allocated(error)) call write_ringdown(run%results%file, found, error, '/settling/ringdown_'//to_text(k))
+         if (allocated(error)) then
+            error%message = 'settling, impact '//to_text(k)//': '//error%message
+            return
+         end if
+         call run%log%line('settling: impact '//to_text(k)//': amplitude '//to_text(1.0e6_wp*found%amplitude(1), 4)//' um, ' &
+            & //'frequency '//to_text(found%frequency(1), 6)//' to '//to_text(found%frequency(size(found%time)), 6) &
+            & //' Hz, damping ratio '//to_text(found%damping_ratio(1), 3)//' to ' &
+            & //to_text(found%damping_ratio(size(found%time)), 3))
+      end do
+   end subroutine identify_decays
+
+   !> Options of the impact sequence.
+   function settling_options(run) result(options)
+      type(run_t), intent(in) :: run
+      type(settling_options_t) :: options
+
+      associate (record => run%case%settling)
+         options%load = run%scene%load_index(run%case%find_load(record%load))
+         options%amplitude = record%amplitude
+         if (size(record%amplitude) == 1) options%amplitude = spread(record%amplitude(1), 1, record%impacts)
+         options%duration = record%duration
+         options%interval = record%interval
+         options%period = 1.0_wp/run%modes%frequency(record%mode)
+         options%periods = record%periods
+         options%time_step = record%safety/run%system%highest_angular_frequency()
+         if (allocated(record%time_step)) options%time_step = record%time_step
+         options%stride = run%case%output%stride
+      end associate
+   end function settling_options
 
    !> Damping that refers to the preloaded structure.
    subroutine settle_damping(run, error)
@@ -544,7 +650,7 @@ contains
          options%periods = record%periods
          options%overlap = record%overlap
          options%sensors = run%case%find_sensors(record%sensor)
-         if (size(run%case%excitations) > 0) options%start = maxval(run%case%excitations%start + run%case%excitations%duration)
+         options%start = end_of_all(excitations_of(run%case, run%scene))
          if (allocated(record%start)) options%start = record%start
          if (allocated(record%mode)) options%frequency = run%modes%frequency(record%mode)
       end associate
@@ -560,6 +666,80 @@ contains
       call write_ringdown(run%results%file, found, error)
       call run%clock%stop('write')
    end subroutine ringdown
+
+   !> Frequency response.
+   subroutine harmonic_balance(run, error)
+      type(run_t), intent(inout), target :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(harmonic_balance_options_t) :: options
+      type(response_results_t) :: recorder
+      type(curve_record_t), allocatable :: records(:)
+
+      call add_modal_loads(run, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
+      if (allocated(error)) return
+      associate (record => run%case%harmonic_balance)
+         options = harmonic_balance_options_t(load=run%scene%load_index(run%case%find_load(record%load)), &
+            & sensors=run%case%find_sensors(record%sensor), levels=record%levels, frequency_range=record%frequency_range, &
+            & harmonics=record%harmonics, samples=record%samples, response_step=record%response_step, &
+            & tolerance=record%tolerance, max_points=record%max_points)
+         options%frequency_step = max(0.02_wp*abs(record%frequency_range(2) - record%frequency_range(1)), tiny(1.0_wp))
+         if (allocated(record%frequency_step)) options%frequency_step = record%frequency_step
+      end associate
+      call recorder%create(run%results%file, 'harmonic_balance', sensor_names(run), run%system%n_modes, options%harmonics, error)
+      if (allocated(error)) return
+      call run_harmonic_balance(run%system, run%state, options, contact_options(run), recorder, records, error)
+      call finish_response(run, 'harmonic balance', recorder, records, error)
+   end subroutine harmonic_balance
+
+   !> Nonlinear mode.
+   subroutine epmc(run, error)
+      type(run_t), intent(inout), target :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(epmc_options_t) :: options
+      type(response_results_t) :: recorder
+      type(curve_record_t) :: record
+
+      call settle_damping(run, error)
+      if (.not. allocated(error)) call shape_of_mode(run, 'epmc', run%case%epmc%mode, options%shape, error)
+      if (allocated(error)) return
+      associate (chosen => run%case%epmc)
+         options%frequency = run%modes%frequency(chosen%mode)
+         options%sensors = run%case%find_sensors(chosen%sensor)
+         options%amplitude_range = chosen%amplitude_range
+         options%points = chosen%points
+         options%harmonics = chosen%harmonics
+         options%samples = chosen%samples
+         options%response_step = chosen%response_step
+         options%tolerance = chosen%tolerance
+         options%max_points = chosen%max_points
+      end associate
+      call recorder%create(run%results%file, 'epmc', sensor_names(run), run%system%n_modes, options%harmonics, error)
+      if (allocated(error)) return
+      call run_epmc(run%system, run%state, options, contact_options(run), recorder, record, error)
+      call finish_response(run, 'epmc', recorder, [record], error)
+   end subroutine epmc
+
+   !> What follows when response curves have been traced, or given up.
+   subroutine finish_response(run, analysis, recorder, records, error)
+      type(run_t), intent(inout) :: run
+      character(len=*), intent(in) :: analysis
+      type(response_results_t), intent(inout) :: recorder
+      type(curve_record_t), intent(in) :: records(:)
+      !> Of the curves on entry
+      type(error_t), allocatable, intent(inout) :: error
+      type(error_t), allocatable :: ignored
+
+      call run%clock%stop(analysis)
+      call recorder%write_summary(records, ignored)
+      call recorder%close()
+      if (.not. allocated(ignored)) call write_system(run, ignored)
+      call run%log%line(analysis//': '//to_text(recorder%points)//' points, '//to_text(sum(records%evaluations)) &
+         & //' evaluations of the contact forces, '//to_text(sum(records%jacobians))//' of their derivative, ' &
+         & //to_text(sum(records%failures))//' steps shortened')
+      call run%clock%stop('write')
+      if (.not. allocated(error) .and. allocated(ignored)) call move_alloc(ignored, error)
+   end subroutine finish_response
 
    !> Names of the sensors.
    function sensor_names(run) result(names)
@@ -598,7 +778,6 @@ contains
    function transient_options(run) result(options)
       type(run_t), intent(in) :: run
       type(transient_options_t) :: options
-      integer :: k
 
       associate (record => run%case%transient)
          options%duration = record%duration
@@ -607,15 +786,8 @@ contains
       end associate
       options%stride = run%case%output%stride
       if (allocated(run%case%output%snapshots)) options%snapshots = run%case%output%snapshots
-      allocate (options%excitations(size(run%case%excitations)))
-      do k = 1, size(options%excitations)
-         associate (record => run%case%excitations(k))
-            options%excitations(k) = excitation_t(load=run%scene%load_index(run%case%find_load(record%load)), &
-               & kind=merge(kind_half_sine, kind_harmonic, record%kind == 'half_sine'), amplitude=record%amplitude, &
-               & start=record%start, duration=record%duration, frequency=record%frequency, &
-               & phase=record%phase*pi/180.0_wp)
-         end associate
-      end do
+      options%excitations = excitations_of(run%case, run%scene)
+      options%meter = meter_of(run%case)
    end function transient_options
 
 end module microslip_cli_driver

@@ -3,7 +3,7 @@ module microslip_cli_scene
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, pi
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
-   use microslip_fe_load_pattern, only: load_vector, sensor_row
+   use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_model, only: fe_model_t
    use microslip_halfspace_coupling, only: points_on_faces
    use microslip_halfspace_grid, only: be_grid_t, new_grid
@@ -11,6 +11,7 @@ module microslip_cli_scene
    use microslip_io_calculix, only: read_model_calculix
    use microslip_io_case, only: case_t, interface_case_t, topography_case_t
    use microslip_io_model_file, only: read_model_hdf5
+   use microslip_io_time_series_file, only: read_time_series
    use microslip_io_topography_file, only: read_topography_hdf5
    use microslip_surface_height_map, only: height_map_t, new_height_map
    use microslip_surface_topography, only: topography_t, flat_t, hill_t, new_hill
@@ -18,21 +19,30 @@ module microslip_cli_scene
    implicit none(type, external)
    private
 
-   public :: scene_t, build_scene, read_model
+   public :: scene_t, table_t, build_scene, read_model
 
    !> How far outside the faces a grid point may lie, in face coordinates (width 2): the slivers between the
    !> chords of a meshed outline and the outline itself.
    real(wp), parameter :: overhang = 0.2_wp
 
+   !> A function of time.
+   type :: table_t
+      !> (2, points) s, and value
+      real(wp), allocatable :: points(:, :)
+   end type table_t
+
    !> What a case describes, read and checked.
    type :: scene_t
       type(fe_model_t) :: model
       type(pad_t), allocatable :: pads(:)
-      !> (rows, loads on nodes + sensors) force patterns, N per unit amplitude; sensor rows
+      !> (rows, loads with a force pattern + sensors) N per unit amplitude; sensor rows
       real(wp), allocatable :: patterns(:, :)
-      !> (case loads) index of the load in the system; modal loads come after the loads on nodes
+      !> (case loads) index of the load in the system; modal loads come after the others
       integer, allocatable :: load_index(:)
-      integer :: n_node_loads = 0
+      !> How many loads have a force pattern
+      integer :: n_pattern_loads = 0
+      !> (excitations) functions of time from files
+      type(table_t), allocatable :: tables(:)
    end type scene_t
 
 contains
@@ -85,6 +95,12 @@ contains
          if (allocated(error)) return
       end do
       call build_patterns(case, scene, error)
+      allocate (scene%tables(size(case%excitations)))
+      do k = 1, size(case%excitations)
+         if (allocated(error)) return
+         if (case%excitations(k)%kind == 'file') call read_time_series(case%located(case%excitations(k)%file), &
+            & scene%tables(k)%points, error)
+      end do
    end subroutine build_scene
 
    !> One interface: node pairs, grid, surface, half space.
@@ -216,7 +232,7 @@ contains
       call map%place(topography%offset, topography%rotation*pi/180.0_wp, 'none', error)
    end subroutine make_map
 
-   !> Force patterns of the loads on nodes, then the sensor rows.
+   !> Force patterns of the loads, then the sensor rows.
    subroutine build_patterns(case, scene, error)
       type(case_t), intent(in) :: case
       type(scene_t), intent(inout) :: scene
@@ -226,13 +242,13 @@ contains
 
       n_sensors = 0
       if (allocated(case%output%sensors)) n_sensors = size(case%output%sensors)
-      scene%n_node_loads = count(case%loads%kind == 'nodes')
-      allocate (scene%patterns(scene%model%row_count(), scene%n_node_loads + n_sensors), source=0.0_wp)
+      scene%n_pattern_loads = count(case%loads%kind /= 'modal')
+      allocate (scene%patterns(scene%model%row_count(), scene%n_pattern_loads + n_sensors), source=0.0_wp)
       allocate (scene%load_index(size(case%loads)))
       p = 0
-      modal = scene%n_node_loads
+      modal = scene%n_pattern_loads
       do k = 1, size(case%loads)
-         if (case%loads(k)%kind == 'nodes') then
+         if (case%loads(k)%kind /= 'modal') then
             p = p + 1
             scene%load_index(k) = p
             call add_parts(case, k, scene%model, scene%patterns(:, p), error)
@@ -248,7 +264,7 @@ contains
             error%message = case%path//': &output: sensors: '//error%message
             return
          end if
-         scene%patterns(:, scene%n_node_loads + k) = part
+         scene%patterns(:, scene%n_pattern_loads + k) = part
       end do
    end subroutine build_patterns
 
@@ -263,6 +279,15 @@ contains
       integer :: k
 
       associate (load => case%loads(index))
+         if (load%kind == 'base') then
+            call base_load(model, load%direction(:, 1), part, error)
+            if (allocated(error)) then
+               error%message = case%path//": load '"//trim(load%name)//"': "//error%message
+            else
+               pattern = part
+            end if
+            return
+         end if
          do k = 1, size(load%node_set)
             call load_vector(model, trim(load%node_set(k)), load%direction(:, k), load%size(k), &
                & trim(load%distribution(k)), part, error)

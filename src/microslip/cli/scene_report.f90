@@ -1,6 +1,9 @@
 !> What a case will compute, what it will cost, and what it skips and why.
 module microslip_cli_scene_report
+   use microslip_analysis_excitation, only: end_of_all
+   use microslip_analysis_harmonic_meter, only: harmonic_meter_t
    use microslip_cli_log, only: log_t
+   use microslip_cli_motion_input, only: excitations_of, meter_of
    use microslip_cli_scene, only: scene_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
@@ -96,10 +99,32 @@ contains
          & //' contact unknowns; estimates: memory '//to_text(memory/1.0e9_wp, 2)//' GB, set-up and preload ' &
          & //to_text(seconds, 2)//' s')
       call log%line('contact compliance: '//why_form(fft, nint(unknowns)))
-      if (case%runs('transient')) call log%line('transient: '//to_text(case%transient%duration)//' s; the time step follows ' &
-         & //'from the highest retained frequency unless it is given')
+      if (case%runs('transient')) call report_transient(log, case, scene)
+      if (case%runs('settling')) call log%line('settling: '//to_text(max(size(case%settling%amplitude), case%settling%impacts)) &
+         & //' impacts, '//to_text(case%settling%interval)//' s from one to the next, residual state over the last ' &
+         & //to_text(case%settling%periods)//' periods of mode '//to_text(case%settling%mode))
       call report_modal(log, case)
    end subroutine report_cost
+
+   !> How long the time integration will be, and what is measured under a sine.
+   subroutine report_transient(log, case, scene)
+      type(log_t), intent(in) :: log
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      type(harmonic_meter_t) :: meter
+      real(wp) :: duration
+
+      meter = meter_of(case)
+      duration = case%transient%duration
+      associate (excitations => excitations_of(case, scene))
+         if (duration <= 0.0_wp) duration = end_of_all(excitations)
+         call log%line('transient: '//to_text(duration)//' s'//trim(merge(' at most', '        ', meter%tolerance > 0.0_wp)) &
+            & //'; the time step follows from the highest retained frequency unless it is given')
+         if (meter%excitation > 0) call log%line('harmonics: 0 to '//to_text(meter%harmonics)//' of all sensors in windows ' &
+            & //'of '//to_text(meter%window)//' periods, under '//to_text(excitations(meter%excitation)%cycles(duration), 7) &
+            & //' periods')
+      end associate
+   end subroutine report_transient
 
    !> The analyses that end in modal parameters over amplitude.
    subroutine report_modal(log, case)
@@ -118,6 +143,12 @@ contains
             call log%line("skipped, qsma: hysteresis loops (cycle = .false., Masing's rule on the loading curves alone)")
          end if
       end if
+      if (case%runs('harmonic_balance')) call log%line('harmonic_balance: '//to_text(size(case%harmonic_balance%levels)) &
+         & //' levels, '//to_text(case%harmonic_balance%frequency_range(1))//' to ' &
+         & //to_text(case%harmonic_balance%frequency_range(2))//' Hz, '//to_text(case%harmonic_balance%harmonics) &
+         & //' harmonics; skipped: stability')
+      if (case%runs('epmc')) call log%line('epmc: mode '//to_text(case%epmc%mode)//', '//to_text(case%epmc%points) &
+         & //' amplitudes, '//to_text(case%epmc%harmonics)//' harmonics')
       if (case%runs('ringdown')) call log%line('ringdown: windows of '//to_text(case%ringdown%periods) &
          & //' periods, overlap '//to_text(case%ringdown%overlap))
    end subroutine report_modal

@@ -4,6 +4,11 @@
 !> uniform traction on the element faces that lie entirely in the set, by consistent nodal forces
 !> (int N_k dA; for 8-node faces the corners carry -1/12 and the mid-side nodes 1/3 of a face). Faces
 !> inside the body count too, each geometric face once.
+!>
+!> Base excitation: with displacements relative to a base that moves by r u_g (r: rigid translation),
+!>     M u'' + ... = -M r u_g''
+!> is a load like any other, and its reduction is exact for the static part as theirs is. Supported degrees of freedom have
+!> no rows; where M couples them to the others that part of M r is not known, and the load is refused.
 module microslip_fe_load_pattern
    use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp
@@ -12,10 +17,11 @@ module microslip_fe_load_pattern
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_selection, only: nodes_of_set
    use microslip_fe_shape_functions, only: shape_values, shape_gradients
+   use microslip_linalg_sparse, only: symmetric_sparse_t
    implicit none(type, external)
    private
 
-   public :: load_vector, sensor_row
+   public :: load_vector, base_load, sensor_row
 
 contains
 
@@ -69,6 +75,57 @@ contains
          end do
       end do
    end subroutine load_vector
+
+   !> The force vector -M r of a unit acceleration of the base along a direction.
+   subroutine base_load(model, direction, load, error)
+      type(fe_model_t), intent(in) :: model
+      !> Direction, any length
+      real(wp), intent(in) :: direction(3)
+      !> (rows) N per m/s^2
+      real(wp), allocatable, intent(out) :: load(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer, allocatable :: rows(:, :)
+      logical, allocatable :: in_mesh(:)
+      real(wp), allocatable :: translation(:)
+      real(wp) :: unit_direction(3)
+      integer :: c, k
+
+      unit_direction = direction/norm2(direction)
+      rows = model%rows_of_nodes()
+      in_mesh = any(rows > 0, dim=1)
+      if (allocated(model%elements)) then
+         do k = 1, size(model%elements)
+            in_mesh(pack(model%elements(k)%connectivity, .true.)) = .true.
+         end do
+      end if
+      allocate (translation(model%row_count()), source=0.0_wp)
+      do c = 1, 3
+         if (abs(unit_direction(c)) <= epsilon(1.0_wp)) cycle
+         translation(pack(rows(c, :), rows(c, :) > 0)) = unit_direction(c)
+         if (any(rows(c, :) == 0 .and. in_mesh) .and. couples(model%mass)) then
+            k = findloc(rows(c, :) == 0 .and. in_mesh, .true., 1)
+            call bad_input(error, 'base excitation: node '//to_text(model%node_label(k))//' is supported (or depends on '// &
+               'others) in '//axis_name(c)//', and what the mass matrix couples to it is not in the model; springs to '// &
+               'the base in place of the support, or a lumped mass matrix, make the load known')
+            return
+         end if
+      end do
+      allocate (load(model%row_count()))
+      call model%mass%multiply(translation, load)
+      load = -load
+   end subroutine base_load
+
+   !> Whether a matrix has entries beside the diagonal.
+   pure logical function couples(matrix)
+      type(symmetric_sparse_t), intent(in) :: matrix
+      integer :: row
+
+      couples = .true.
+      do row = 1, matrix%n
+         if (any(matrix%value(matrix%row_start(row) + 1:matrix%row_start(row + 1) - 1) /= 0.0_wp)) return
+      end do
+      couples = .false.
+   end function couples
 
    !> The row that gives the mean displacement of a node set along a direction (supported: zero).
    subroutine sensor_row(model, set, direction, row, error)

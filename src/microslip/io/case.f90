@@ -10,7 +10,8 @@ module microslip_io_case
 
    public :: case_t, model_case_t, interface_case_t, topography_case_t, reduction_case_t, damping_case_t
    public :: contact_case_t, load_case_t, preload_case_t, linear_modes_case_t, transient_case_t
-   public :: excitation_case_t, output_case_t, qsma_case_t, ringdown_case_t, name_length, path_length
+   public :: excitation_case_t, settling_case_t, output_case_t, qsma_case_t, ringdown_case_t, harmonic_balance_case_t
+   public :: epmc_case_t, name_length, path_length
 
    !> Longest name (of node sets, loads, options) and longest file path or title.
    integer, parameter :: name_length = 64, path_length = 1024
@@ -119,11 +120,11 @@ module microslip_io_case
    !> `&load`: a load pattern with a name.
    type :: load_case_t
       character(len=name_length) :: name = ''
-      !> 'nodes' or 'modal'
+      !> 'nodes', 'modal' or 'base'
       character(len=name_length) :: kind = 'nodes'
       !> nodes: (parts)
       character(len=name_length), allocatable :: node_set(:)
-      !> nodes: (3, parts) as given, any length but 0
+      !> nodes: (3, parts) as given, any length but 0; base: (3, 1)
       real(wp), allocatable :: direction(:, :)
       !> nodes: (parts) N
       real(wp), allocatable :: size(:)
@@ -151,7 +152,7 @@ module microslip_io_case
 
    !> `&transient`: time integration.
    type :: transient_case_t
-      !> s
+      !> s; 0: as long as a stepped or swept sine takes
       real(wp) :: duration = 0.0_wp
       !> s; not allocated: safety/omega_max
       real(wp), allocatable :: time_step
@@ -163,17 +164,56 @@ module microslip_io_case
    type :: excitation_case_t
       !> Name of a load
       character(len=name_length) :: load = ''
-      !> 'half_sine' or 'harmonic'
+      !> 'half_sine', 'harmonic', 'stepped_sine', 'swept_sine' or 'file'
       character(len=name_length) :: kind = ''
       !> Factor on the load pattern
       real(wp) :: amplitude = 0.0_wp
       !> s
       real(wp) :: start = 0.0_wp
-      !> half_sine: s
+      !> half_sine: s; begins of several pulses in place of `start`, s
       real(wp) :: duration = 0.0_wp
-      !> harmonic: Hz and degrees
-      real(wp) :: frequency = 0.0_wp, phase = 0.0_wp
+      real(wp), allocatable :: times(:)
+      !> file: two columns, time and value
+      character(len=path_length) :: file = ''
+      !> harmonic: Hz
+      real(wp) :: frequency = 0.0_wp
+      !> sines: degrees, and s
+      real(wp) :: phase = 0.0_wp, ramp = 0.0_wp
+      !> stepped_sine: Hz; not allocated: `frequency_count` equally spaced ones
+      real(wp), allocatable :: frequencies(:)
+      !> stepped_sine and swept_sine: Hz
+      real(wp) :: frequency_from = 0.0_wp, frequency_to = 0.0_wp
+      integer :: frequency_count = 0
+      !> swept_sine: 'linear' or 'log'; Hz/s or octaves per minute
+      character(len=name_length) :: sweep = 'linear'
+      real(wp) :: rate = 0.0_wp
+      !> stepped_sine and swept_sine: harmonics that are measured, and periods of a window
+      integer :: harmonics = 5, measure_periods = 10
+      !> stepped_sine: periods before the first window; change below which a frequency is left, after how many windows
+      !> at the latest
+      integer :: settle_periods = 50
+      real(wp), allocatable :: steady_tolerance
+      integer :: most_windows = 20
    end type excitation_case_t
+
+   !> `&settling`: a sequence of half-sine impacts.
+   type :: settling_case_t
+      !> Name of a load
+      character(len=name_length) :: load = ''
+      !> (impacts) or (1): factors on the load pattern; one only: `impacts` of them
+      real(wp), allocatable :: amplitude(:)
+      integer :: impacts = 1
+      !> s, of an impact, and from one to the next
+      real(wp) :: duration = 0.0_wp, interval = 0.0_wp
+      !> Linear mode whose period counts, and how many of them the residual state is averaged over
+      integer :: mode = 1, periods = 10
+      !> Whether the free decay after every impact is identified
+      logical :: ringdown = .false.
+      !> s; not allocated: safety/omega_max
+      real(wp), allocatable :: time_step
+      !> omega_max dt
+      real(wp) :: safety = 0.74_wp
+   end type settling_case_t
 
    !> `&qsma`: quasi-static modal analysis. Either `amplitudes` or `largest_amplitude` is allocated.
    type :: qsma_case_t
@@ -206,6 +246,39 @@ module microslip_io_case
       !> s, begin of the free decay; not allocated: the end of the last excitation
       real(wp), allocatable :: start
    end type ringdown_case_t
+
+   !> `&harmonic_balance`: frequency response to a harmonic load.
+   type :: harmonic_balance_case_t
+      !> Name of a load
+      character(len=name_length) :: load = ''
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> Factors on the load pattern, one curve each
+      real(wp), allocatable :: levels(:)
+      !> (2) Hz, from where to where
+      real(wp), allocatable :: frequency_range(:)
+      integer :: harmonics = 5, samples = 50
+      !> Hz; not allocated: a fiftieth of the range
+      real(wp), allocatable :: frequency_step
+      real(wp) :: response_step = 0.25_wp
+      real(wp) :: tolerance = 1.0e-6_wp
+      integer :: max_points = 1000
+   end type harmonic_balance_case_t
+
+   !> `&epmc`: nonlinear mode by the extended periodic motion concept.
+   type :: epmc_case_t
+      !> Linear mode about the preload
+      integer :: mode = 1
+      !> One of the sensors of `&output`; blank: the first
+      character(len=name_length) :: sensor = ''
+      !> (2) m, from where to where
+      real(wp), allocatable :: amplitude_range(:)
+      integer :: points = 20
+      integer :: harmonics = 5, samples = 50
+      real(wp) :: response_step = 0.5_wp
+      real(wp) :: tolerance = 1.0e-8_wp
+      integer :: max_points = 1000
+   end type epmc_case_t
 
    !> `&output`: what is stored, where and how often.
    type :: output_case_t
@@ -241,7 +314,10 @@ module microslip_io_case
       type(transient_case_t) :: transient
       type(qsma_case_t) :: qsma
       type(ringdown_case_t) :: ringdown
+      type(harmonic_balance_case_t) :: harmonic_balance
+      type(epmc_case_t) :: epmc
       type(excitation_case_t), allocatable :: excitations(:)
+      type(settling_case_t) :: settling
       type(output_case_t) :: output
    contains
       procedure :: runs

@@ -1,15 +1,15 @@
-!> Keys of `&load`, `&excitation`, `&preload`, `&linear_modes`, `&transient` and `&output` (doc/namelists.md).
+!> Keys of `&load`, `&preload`, `&linear_modes`, `&transient` and `&output` (doc/namelists.md).
 module microslip_io_case_analyses
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_io_case, only: load_case_t, excitation_case_t, preload_case_t, linear_modes_case_t, transient_case_t, &
+   use microslip_io_case, only: load_case_t, preload_case_t, linear_modes_case_t, transient_case_t, &
       output_case_t, name_length
    use microslip_io_group_keys, only: group_keys_t
    use microslip_io_value_range, only: any_value, positive, non_negative, at_least, between
    implicit none(type, external)
    private
 
-   public :: load_keys, excitation_keys, preload_keys, linear_modes_keys, transient_keys, output_keys
+   public :: load_keys, preload_keys, linear_modes_keys, transient_keys, output_keys
 
    !> Most parts of one load, most loads of the preload, most sensors.
    integer, parameter :: most_parts = 8, most_loads = 100, most_sensors = 1000
@@ -25,14 +25,21 @@ contains
       integer :: parts
 
       call keys%name_key('name', record%name)
-      call keys%name_key('kind', record%kind, ['nodes', 'modal'])
+      call keys%name_key('kind', record%kind, ['nodes', 'modal', 'base '])
       if (record%kind == 'modal') then
          call keys%integer_key('mode', record%mode, at_least(1), required=.true.)
-         call keys%ignored([character(len=12) :: 'node_set', 'direction', 'size', 'distribution'], &
-            "with kind = 'nodes'", decided_by='kind')
+         call keys%ignored(['direction'], "with kind = 'nodes' or 'base'", decided_by='kind')
+      else
+         call keys%ignored(['mode'], "with kind = 'modal'", decided_by='kind')
+      end if
+      if (record%kind == 'base') then
+         call keys%real_table('direction', record%direction, 3, any_value, [1, 1], required=.true.)
+         call check_directions(keys, 'direction', record%direction)
+      end if
+      if (record%kind /= 'nodes') then
+         call keys%ignored([character(len=12) :: 'node_set', 'size', 'distribution'], "with kind = 'nodes'", decided_by='kind')
       else
          call keys%name_list('node_set', record%node_set, counts=[1, most_parts], required=.true.)
-         call keys%ignored(['mode'], "with kind = 'modal'", decided_by='kind')
          parts = most_parts
          if (allocated(record%node_set)) parts = size(record%node_set)
          call keys%real_table('direction', record%direction, 3, any_value, part_count(record%node_set), required=.true.)
@@ -56,31 +63,6 @@ contains
       counts = [1, most_parts]
       if (allocated(node_set)) counts = size(node_set)
    end function part_count
-
-   !> `&excitation`.
-   subroutine excitation_keys(keys, record)
-      !> The group
-      type(group_keys_t), intent(inout) :: keys
-      !> Its record
-      type(excitation_case_t), intent(inout) :: record
-
-      call keys%name_key('load', record%load, required=.true.)
-      call keys%name_key('kind', record%kind, [character(len=name_length) :: 'half_sine', 'harmonic'], required=.true.)
-      call keys%real_key('amplitude', record%amplitude, any_value, required=.true.)
-      call keys%real_key('start', record%start, non_negative)
-      if (record%kind == 'half_sine') then
-         call keys%real_key('duration', record%duration, positive, required=.true.)
-      else
-         call keys%ignored(['duration'], "with kind = 'half_sine'", decided_by='kind')
-      end if
-      if (record%kind == 'harmonic') then
-         call keys%real_key('frequency', record%frequency, positive, required=.true.)
-         call keys%real_key('phase', record%phase, any_value)
-      else
-         call keys%ignored(['frequency', 'phase    '], "with kind = 'harmonic'", decided_by='kind')
-      end if
-      call keys%finish()
-   end subroutine excitation_keys
 
    !> `&preload`.
    subroutine preload_keys(keys, record)
@@ -119,7 +101,8 @@ contains
       !> Its record
       type(transient_case_t), intent(inout) :: record
 
-      call keys%real_key('duration', record%duration, positive, required=.true.)
+      ! Not given: as long as a stepped or swept sine takes.
+      if (keys%is_reading .or. record%duration > 0.0_wp) call keys%real_key('duration', record%duration, positive)
       call keys%optional_real('time_step', record%time_step, positive)
       if (allocated(record%time_step)) then
          call keys%ignored(['safety'], 'without time_step')

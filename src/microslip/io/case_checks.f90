@@ -44,11 +44,21 @@ contains
             call check_preload(groups(k), input, loads)
          case ('excitation')
             call check_excitation(groups(k), input, loads)
+         case ('transient')
+            call check_transient(groups(k), input)
+         case ('settling')
+            call check_settling(groups(k), input, loads)
          case ('qsma')
             call check_mode(groups(k), input, 'mode', 'qsma', input%qsma%mode, 'a linear mode')
             call check_sensor(groups(k), input, input%qsma%sensor)
          case ('ringdown')
             call check_ringdown(groups(k), input)
+         case ('harmonic_balance')
+            call check_harmonic_balance(groups(k), input, loads)
+         case ('epmc')
+            call check_mode(groups(k), input, 'mode', 'epmc', input%epmc%mode, 'a linear mode')
+            call check_periodic(groups(k), input, input%epmc%sensor)
+            call check_range(groups(k), 'amplitude_range', input%epmc%amplitude_range)
          case ('output')
             call check_output(groups(k), input)
          end select
@@ -87,17 +97,20 @@ contains
       type(case_t), intent(in) :: input
 
       select case (group%name)
-      case ('preload', 'linear_modes', 'transient', 'qsma', 'ringdown')
+      case ('preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'settling', 'harmonic_balance', 'epmc')
          if (.not. input%runs(group%name)) call group%fault('', "only with '"//group%name// &
             "' in the analyses of &case, the group would be ignored here")
       case ('excitation')
          if (.not. input%runs('transient')) call group%fault('', &
             "only with 'transient' in the analyses of &case, the group would be ignored here")
       case ('output')
-         if (.not. input%runs('transient')) call group%ignored([character(len=16) :: 'stride', 'snapshots'], &
-            "with 'transient' in the analyses of &case")
-         if (.not. (input%runs('transient') .or. input%runs('qsma'))) call group%ignored( &
-            [character(len=16) :: 'sensors', 'sensor_direction'], "with 'transient' or 'qsma' in the analyses of &case")
+         if (.not. input%runs('transient')) call group%ignored(['snapshots'], "with 'transient' in the analyses of &case")
+         if (.not. (input%runs('transient') .or. input%runs('settling'))) call group%ignored( &
+            ['stride'], "with 'transient' or 'settling' in the analyses of &case")
+         if (.not. any([input%runs('transient'), input%runs('qsma'), input%runs('settling'), &
+            input%runs('harmonic_balance'), input%runs('epmc')])) &
+            call group%ignored([character(len=16) :: 'sensors', 'sensor_direction'], &
+            "with 'transient', 'settling', 'qsma', 'harmonic_balance' or 'epmc' in the analyses of &case")
       end select
    end subroutine check_use
 
@@ -131,7 +144,7 @@ contains
       call group%fault('', 'a &topography that an &interface uses, this one would be ignored')
    end subroutine check_topography_use
 
-   !> A load that neither the preload nor an excitation uses is refused (unless a name elsewhere is wrong).
+   !> A load that nothing uses, neither an analysis nor an excitation, is refused (unless a name elsewhere is wrong).
    subroutine check_load_use(group, input)
       type(group_keys_t), intent(inout) :: group
       type(case_t), intent(in) :: input
@@ -144,7 +157,10 @@ contains
       do k = 1, size(input%excitations)
          if (any(input%find_load(input%excitations(k)%load) == [0, group%number])) return
       end do
-      call group%fault('', 'a &load that &preload or an &excitation uses, this one would be ignored')
+      if (input%runs('harmonic_balance') .and. any(input%find_load(input%harmonic_balance%load) == [0, group%number])) return
+      if (input%settling%load /= '' .and. any(input%find_load(input%settling%load) == [0, group%number])) return
+      call group%fault('', 'a &load that &preload, &settling, &harmonic_balance or an &excitation uses, '// &
+         'this one would be ignored')
    end subroutine check_load_use
 
    !> Modal damping fits the number of modes, the reference mode is among them.
@@ -207,8 +223,52 @@ contains
          if (input%transient%duration > 0.0_wp .and. excitation%start >= input%transient%duration &
              .and. group%sound('start')) &
             call group%fault('start', 'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
+         if (allocated(excitation%times) .and. input%transient%duration > 0.0_wp) then
+            if (any(excitation%times >= input%transient%duration)) call group%fault('times', &
+               'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
+         end if
+         if (.not. is_measured(excitation%kind)) return
+         if (.not. allocated(input%output%sensors)) call group%fault('kind', &
+            "one of 'half_sine', 'harmonic', 'file': the others measure at the sensors of &output, but there is none")
+         if (any(is_measured(input%excitations(:group%number - 1)%kind))) call group%fault('kind', &
+            'one stepped or swept sine at most, this is the second one')
       end associate
    end subroutine check_excitation
+
+   !> Whether harmonics are measured under an excitation.
+   elemental logical function is_measured(kind)
+      character(len=*), intent(in) :: kind
+      is_measured = kind == 'stepped_sine' .or. kind == 'swept_sine'
+   end function is_measured
+
+   !> The time integration has an end.
+   subroutine check_transient(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+
+      if (input%transient%duration > 0.0_wp .or. .not. group%sound('duration')) return
+      if (.not. any(is_measured(input%excitations%kind)) .or. any(input%excitations%kind == 'harmonic')) call group%fault( &
+         'duration', 'a number > 0, unless a stepped or swept sine sets the end and no harmonic excitation goes on')
+   end subroutine check_transient
+
+   !> The load of the impacts exists, and so do the modes.
+   subroutine check_settling(group, input, loads)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: loads(:)
+      integer :: load
+
+      call check_mode(group, input, 'mode', 'settling', input%settling%mode, 'the period of a linear mode')
+      load = input%find_load(input%settling%load)
+      if (group%sound('load') .and. load == 0) then
+         call group%fault('load', known_names('load', input%settling%load, loads))
+      else if (load > 0 .and. allocated(input%analyses)) then
+         if (input%loads(load)%kind == 'modal') &
+            call check_mode(group, input, 'load', 'settling', input%loads(load)%mode, 'a modal load')
+      end if
+      if (.not. allocated(input%output%sensors)) call group%fault('', &
+         'only with sensors in &output, which tell the shift of the static position')
+   end subroutine check_settling
 
    !> A linear mode is there when an analysis needs it.
    subroutine check_mode(group, input, key, analysis, mode, what)
@@ -265,12 +325,50 @@ contains
          call check_mode(group, input, 'mode', 'transient', input%ringdown%mode, 'a linear mode')
       call check_sensor(group, input, input%ringdown%sensor)
       if (any(input%excitations%kind == 'harmonic')) call group%fault('', &
-         "only with excitations of kind 'half_sine', the others never end")
+         "only with excitations that end, 'harmonic' ones never do")
       if (allocated(input%ringdown%start) .and. input%transient%duration > 0.0_wp) then
          if (input%ringdown%start >= input%transient%duration) call group%fault('start', &
             'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
       end if
    end subroutine check_ringdown
+
+   !> The load of a frequency response exists, and the mode of a modal load.
+   subroutine check_harmonic_balance(group, input, loads)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: loads(:)
+      integer :: load
+
+      load = input%find_load(input%harmonic_balance%load)
+      if (group%sound('load') .and. load == 0) then
+         call group%fault('load', known_names('load', input%harmonic_balance%load, loads))
+      else if (load > 0) then
+         if (input%loads(load)%kind == 'modal') &
+            call check_mode(group, input, 'load', 'harmonic_balance', input%loads(load)%mode, 'a modal load')
+      end if
+      call check_periodic(group, input, input%harmonic_balance%sensor)
+   end subroutine check_harmonic_balance
+
+   !> What all analyses of periodic motions need.
+   subroutine check_periodic(group, input, sensor)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: sensor
+
+      call check_sensor(group, input, sensor)
+      if (input%contact%normal_law == 'velocity') call group%fault('', "only with normal_law = 'gap' in &contact")
+      if (input%contact%compliance == 'fft') call group%fault('', "not with compliance = 'fft' in &contact")
+   end subroutine check_periodic
+
+   !> Both ends of a range differ.
+   subroutine check_range(group, key, range)
+      type(group_keys_t), intent(inout) :: group
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: range(:)
+
+      if (.not. allocated(range)) return
+      if (size(range) == 2 .and. abs(range(2) - range(1)) <= 0.0_wp) call group%fault(key, 'two different numbers')
+   end subroutine check_range
 
    !> Snapshots lie within the time integration.
    subroutine check_output(group, input)

@@ -8,11 +8,12 @@ module microslip_io_case_file
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text
    use microslip_io_case, only: case_t
-   use microslip_io_case_analyses, only: load_keys, excitation_keys, preload_keys, linear_modes_keys, transient_keys, &
-      output_keys
+   use microslip_io_case_analyses, only: load_keys, preload_keys, linear_modes_keys, transient_keys, output_keys
    use microslip_io_case_checks, only: check_case
+   use microslip_io_case_excitation, only: excitation_keys, settling_keys
    use microslip_io_case_interface, only: interface_keys, topography_keys
    use microslip_io_case_modal, only: qsma_keys, ringdown_keys
+   use microslip_io_case_periodic, only: harmonic_balance_keys, epmc_keys
    use microslip_io_case_model, only: case_keys, model_keys, reduction_keys, damping_keys, contact_keys
    use microslip_io_group_keys, only: group_keys_t, reading, writing
    use microslip_io_namelist_text, only: namelist_group_t, scan_namelists
@@ -21,10 +22,9 @@ module microslip_io_case_file
 
    public :: read_case, case_from_text, resolved_text
 
-   character(len=*), parameter :: single(11) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
-      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'output']
+   character(len=*), parameter :: single(14) = [character(len=16) :: 'case', 'model', 'reduction', 'damping', &
+      'contact', 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown', 'settling', 'harmonic_balance', 'epmc', 'output']
    character(len=*), parameter :: repeated(4) = [character(len=16) :: 'interface', 'topography', 'load', 'excitation']
-   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
    !> Larger files are no case files (characters).
    integer, parameter :: largest_file = 4000000
 
@@ -113,6 +113,9 @@ contains
       if (input%runs('transient')) text = text//written('transient')//all_written('excitation', size(input%excitations))
       if (input%runs('qsma')) text = text//written('qsma')
       if (input%runs('ringdown')) text = text//written('ringdown')
+      if (input%runs('harmonic_balance')) text = text//written('harmonic_balance')
+      if (input%runs('epmc')) text = text//written('epmc')
+      if (input%runs('settling')) text = text//written('settling')
       text = text//written('output')
 
    contains
@@ -162,6 +165,9 @@ contains
       case ('transient'); call transient_keys(keys, input%transient)
       case ('qsma'); call qsma_keys(keys, input%qsma)
       case ('ringdown'); call ringdown_keys(keys, input%ringdown)
+      case ('harmonic_balance'); call harmonic_balance_keys(keys, input%harmonic_balance)
+      case ('epmc'); call epmc_keys(keys, input%epmc)
+      case ('settling'); call settling_keys(keys, input%settling)
       case ('excitation'); call excitation_keys(keys, input%excitations(keys%number))
       case ('output'); call output_keys(keys, input%output)
       end select
@@ -183,8 +189,6 @@ contains
          if (any(single == found(k)%name)) then
             wanted(k) = number_of(found, k) == 1
             if (.not. wanted(k)) call faults%add(place//'second group of this name: allowed: one &'//found(k)%name)
-         else if (any(announced == found(k)%name)) then
-            call faults%add(place//'announced, but not available yet: allowed: '//quoted_list([single, repeated]))
          else if (.not. wanted(k)) then
             call faults%add(place//'unknown group: allowed: '//suggestion(found(k)%name))
          end if
@@ -258,6 +262,9 @@ contains
       call require('transient', input%runs('transient'))
       call require('qsma', input%runs('qsma'))
       call require('ringdown', input%runs('ringdown'))
+      call require('harmonic_balance', input%runs('harmonic_balance'))
+      call require('epmc', input%runs('epmc'))
+      call require('settling', input%runs('settling'))
 
    contains
 

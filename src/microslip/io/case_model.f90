@@ -11,9 +11,8 @@ module microslip_io_case_model
    public :: case_keys, model_keys, reduction_keys, damping_keys, contact_keys, length_units
 
    character(len=*), parameter :: length_units(3) = ['m ', 'mm', 'um']
-   character(len=*), parameter :: available(5) = &
-      [character(len=16) :: 'preload', 'linear_modes', 'transient', 'qsma', 'ringdown']
-   character(len=*), parameter :: announced(3) = [character(len=16) :: 'settling', 'harmonic_balance', 'epmc']
+   character(len=*), parameter :: available(8) = [character(len=16) :: 'preload', 'linear_modes', 'transient', 'qsma', &
+      'ringdown', 'settling', 'harmonic_balance', 'epmc']
 
 contains
 
@@ -26,7 +25,7 @@ contains
       integer :: k
 
       call keys%name_key('title', input%title)
-      call keys%name_list('analyses', input%analyses, available, announced, required=.true.)
+      call keys%name_list('analyses', input%analyses, available, required=.true.)
       if (keys%is_reading .and. allocated(input%analyses)) then
          do k = 2, size(input%analyses)
             if (.not. any(input%analyses(:k - 1) == input%analyses(k))) cycle

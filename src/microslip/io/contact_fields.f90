@@ -14,7 +14,7 @@ module microslip_io_contact_fields
 
    !> A field as it is named in the result file.
    type :: field_t
-      character(len=10) :: name
+      character(len=18) :: name
       character(len=2) :: units
       character(len=90) :: description
    end type field_t

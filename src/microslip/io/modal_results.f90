@@ -103,28 +103,33 @@ contains
          & 'slipping points', error, axis)
    end subroutine put_curve
 
-   !> Identification of the free decay: /ringdown.
-   subroutine write_ringdown(file, found, error)
+   !> Identification of a free decay: /ringdown, or another group.
+   subroutine write_ringdown(file, found, error, in_group)
       !> Open result file
       type(hdf5_file_t), intent(in) :: file
       type(ringdown_t), intent(in) :: found
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: axis = '/ringdown/time'
+      !> '/ringdown' by default
+      character(len=*), intent(in), optional :: in_group
+      character(len=:), allocatable :: group, axis
 
+      group = '/ringdown'
+      if (present(in_group)) group = in_group
+      axis = group//'/time'
       call put(file, axis, found%time, 's', 'middle of the windows', error)
       if (.not. allocated(error)) call file%make_scale(axis, 'time', error)
-      call put(file, '/ringdown/amplitude', found%amplitude, 'm', '[time]: amplitude at the sensor', error, axis)
-      call put(file, '/ringdown/frequency', found%frequency, 'Hz', '[time]: frequency, from the Fourier transform', error, axis)
-      call put(file, '/ringdown/damping_ratio', found%damping_ratio, '1', &
+      call put(file, group//'/amplitude', found%amplitude, 'm', '[time]: amplitude at the sensor', error, axis)
+      call put(file, group//'/frequency', found%frequency, 'Hz', '[time]: frequency, from the Fourier transform', error, axis)
+      call put(file, group//'/damping_ratio', found%damping_ratio, '1', &
          & '[time]: damping ratio, from the Fourier transform', error, axis)
-      call put(file, '/ringdown/signal_amplitude', found%signal_amplitude, 'SI', &
+      call put(file, group//'/signal_amplitude', found%signal_amplitude, 'SI', &
          & '[time]: amplitude of the signal, m sqrt(kg) of a mode, m of a sensor, from the Fourier transform', error, axis)
-      call put(file, '/ringdown/peaks/signal_amplitude', found%peak_amplitude, 'SI', &
+      call put(file, group//'/peaks/signal_amplitude', found%peak_amplitude, 'SI', &
          & '[time]: amplitude of the signal, from its peaks', error, axis)
-      call put(file, '/ringdown/peaks/frequency', found%peak_frequency, 'Hz', '[time]: frequency, from the peaks', error, axis)
-      call put(file, '/ringdown/peaks/damping_ratio', found%peak_damping_ratio, '1', &
+      call put(file, group//'/peaks/frequency', found%peak_frequency, 'Hz', '[time]: frequency, from the peaks', error, axis)
+      call put(file, group//'/peaks/damping_ratio', found%peak_damping_ratio, '1', &
          & '[time]: damping ratio, from the peaks', error, axis)
-      if (.not. allocated(error)) call file%write('/ringdown/window', found%window, 's', 'length of a window', error)
+      if (.not. allocated(error)) call file%write(group//'/window', found%window, 's', 'length of a window', error)
    end subroutine write_ringdown
 
    !> Write numbers, and their axis, unless an earlier write failed.

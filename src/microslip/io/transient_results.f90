@@ -1,8 +1,11 @@
-!> Time series of a time integration in the result file: /transient (doc/results.md).
+!> Time series of a time integration in the result file: /transient, or the group of the analysis that integrates
+!> (doc/results.md).
 !>
 !> Samples are collected and appended in blocks; at least every ten seconds of wall time all of them reach the file, so
-!> that an interrupted run keeps its results. The snapshots' groups are made with the first snapshot.
+!> that an interrupted run keeps its results. The groups of snapshots and harmonics are made with the first
+!> of them.
 module microslip_io_transient_results
+   use microslip_analysis_harmonic_meter, only: harmonic_window_t
    use microslip_analysis_transient, only: energy_t, sample_t, transient_record_t, transient_recorder_t
    use microslip_contact_problem, only: contact_state_t
    use microslip_core_error, only: error_t
@@ -42,6 +45,11 @@ module microslip_io_transient_results
       & column_t('iterations', 'iterations of the contact solver in this step'), &
       & column_t('converged', '1 if the contact solver converged in this step, else 0')]
 
+   !> What there is of a window: time, frequency, step, change, amplitude, phase.
+   type :: harmonic_series_t
+      type(series_t) :: time, frequency, step, change, amplitude, phase
+   end type harmonic_series_t
+
    !> Recorder that writes into a result file.
    type, extends(transient_recorder_t) :: transient_results_t
       !> Started by the caller if a progress line is wanted
@@ -50,6 +58,9 @@ module microslip_io_transient_results
       type(hdf5_file_t), private :: file
       type(series_t), private :: time, sensor, modal, energy(size(energies)), contact(size(contacts)), residual
       type(series_t), private :: snapshot_time
+      type(harmonic_series_t), allocatable, private :: windows
+      !> Where in the file
+      character(len=:), allocatable, private :: group
       !> (fields, interfaces)
       type(series_t), allocatable, private :: snapshots(:, :)
       !> Samples that are not yet in the file
@@ -63,6 +74,7 @@ module microslip_io_transient_results
       procedure :: record
       procedure :: snapshot
       procedure :: progress
+      procedure :: harmonics
       procedure :: write_summary
       procedure :: close => close_transient
    end type transient_results_t
@@ -70,7 +82,7 @@ module microslip_io_transient_results
 contains
 
    !> Make the series.
-   subroutine create(self, results, system, sensor_names, error)
+   subroutine create(self, results, system, sensor_names, error, group)
       class(transient_results_t), intent(inout) :: self
       !> Open result file with its interfaces written; it must stay open until `close`
       type(results_t), intent(in) :: results
@@ -78,26 +90,30 @@ contains
       !> (sensors)
       character(len=*), intent(in) :: sensor_names(:)
       type(error_t), allocatable, intent(out) :: error
+      !> Group of the file, '/transient' by default
+      character(len=*), intent(in), optional :: group
       integer :: k
 
+      self%group = '/transient'
+      if (present(group)) self%group = group
       self%file = results%file
       self%flushed_at = wall_clock()
-      call self%file%write('/transient/sensor_name', sensor_names, 'names of the sensors', error)
-      if (.not. allocated(error)) call self%time%create(self%file, '/transient/time', [integer ::], 's', 'time', error)
-      if (.not. allocated(error)) call self%file%make_scale('/transient/time', 'time', error)
-      call add_series(self, self%sensor, '/transient/sensor', [size(sensor_names)], 'm', &
+      call self%file%write(self%group//'/sensor_name', sensor_names, 'names of the sensors', error)
+      if (.not. allocated(error)) call self%time%create(self%file, self%group//'/time', [integer ::], 's', 'time', error)
+      if (.not. allocated(error)) call self%file%make_scale(self%group//'/time', 'time', error)
+      call add_series(self, self%sensor, self%group//'/sensor', [size(sensor_names)], 'm', &
          & '[time, sensor]: displacement at the sensors', error)
-      call add_series(self, self%modal, '/transient/modal_displacement', [system%n_modes], 'm sqrt(kg)', &
+      call add_series(self, self%modal, self%group//'/modal_displacement', [system%n_modes], 'm sqrt(kg)', &
          & '[time, mode]: modal coordinates', error)
       do k = 1, size(energies)
-         call add_series(self, self%energy(k), '/transient/energy/'//trim(energies(k)%name), [integer ::], 'J', &
+         call add_series(self, self%energy(k), self%group//'/energy/'//trim(energies(k)%name), [integer ::], 'J', &
             & trim(energies(k)%description), error)
       end do
       do k = 1, size(contacts)
-         call add_series(self, self%contact(k), '/transient/contact/'//trim(contacts(k)%name), [integer ::], '1', &
+         call add_series(self, self%contact(k), self%group//'/contact/'//trim(contacts(k)%name), [integer ::], '1', &
             & trim(contacts(k)%description), error, integers=.true.)
       end do
-      call add_series(self, self%residual, '/transient/contact/residual', [integer ::], '1', &
+      call add_series(self, self%residual, self%group//'/contact/residual', [integer ::], '1', &
          & 'largest violation of the contact laws over the largest contact force', error)
    end subroutine create
 
@@ -111,7 +127,7 @@ contains
       logical, intent(in), optional :: integers
 
       if (.not. allocated(error)) call series%create(self%file, path, leading, units, description, error, integers)
-      if (.not. allocated(error)) call self%file%attach_scale(path, size(leading) + 1, '/transient/time', error)
+      if (.not. allocated(error)) call self%file%attach_scale(path, size(leading) + 1, self%group//'/time', error)
    end subroutine add_series
 
    !> Take samples.
@@ -215,17 +231,17 @@ contains
       class(transient_results_t), intent(inout) :: self
       type(jointed_system_t), intent(in) :: system
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: axis = '/transient/snapshot/time'
-      character(len=:), allocatable :: group, path
+      character(len=:), allocatable :: group, path, axis
       integer :: k, f
 
+      axis = self%group//'/snapshot/time'
       allocate (self%snapshots(size(fields), size(system%pads)))
       call self%snapshot_time%create(self%file, axis, [integer ::], 's', 'times of the snapshots', error)
       if (.not. allocated(error)) call self%file%make_scale(axis, 'time', error)
       do k = 1, size(system%pads)
          group = interface_group(k)
          do f = 1, size(fields)
-            path = '/transient/snapshot/'//group//'/'//trim(fields(f)%name)
+            path = self%group//'/snapshot/'//group//'/'//trim(fields(f)%name)
             if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
                & shape(system%pads(k)%grid%inside), trim(fields(f)%units), &
                & '[snapshot, y, x]: '//trim(fields(f)%description), error)
@@ -235,6 +251,66 @@ contains
          end do
       end do
    end subroutine create_snapshots
+
+   !> Take the harmonics of windows.
+   subroutine harmonics(self, windows, error)
+      class(transient_results_t), intent(inout) :: self
+      type(harmonic_window_t), intent(in) :: windows(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      if (.not. allocated(self%windows)) call create_windows(self, shape(windows(1)%amplitude), error)
+      do k = 1, size(windows)
+         associate (window => windows(k), series => self%windows)
+            if (.not. allocated(error)) call series%time%append([window%time], error)
+            if (.not. allocated(error)) call series%frequency%append([window%frequency], error)
+            if (.not. allocated(error)) call series%step%append([window%step], error)
+            if (.not. allocated(error)) call series%change%append([window%change], error)
+            if (.not. allocated(error)) call series%amplitude%append(reshape(window%amplitude, &
+               & [shape(window%amplitude), 1]), error)
+            if (.not. allocated(error)) call series%phase%append(reshape(window%phase, [shape(window%phase), 1]), error)
+         end associate
+      end do
+   end subroutine harmonics
+
+   !> Make the series of the harmonics.
+   subroutine create_windows(self, sizes, error)
+      class(transient_results_t), intent(inout) :: self
+      !> Sensors, and harmonics with the mean
+      integer, intent(in) :: sizes(2)
+      type(error_t), allocatable, intent(out) :: error
+
+      allocate (self%windows)
+      associate (series => self%windows)
+         call make(series%time, 'time', [integer ::], 's', '[window]: middle of the window')
+         if (.not. allocated(error)) call self%file%make_scale(self%group//'/harmonics/time', 'time', error)
+         call make(series%frequency, 'frequency', [integer ::], 'Hz', '[window]: frequency of the excitation there')
+         call make(series%step, 'step', [integer ::], '1', '[window]: which frequency of a stepped sine, else the window', &
+            & .true.)
+         call make(series%change, 'change', [integer ::], '1', '[window]: difference of the harmonics from the window ' &
+            & //'before at the same frequency, over their size; negative where there is none')
+         call make(series%amplitude, 'amplitude', sizes, 'm', &
+            & '[window, harmonic, sensor]: amplitude of the harmonics, from 0 (the mean) on')
+         call make(series%phase, 'phase', sizes, 'rad', '[window, harmonic, sensor]: p in cos(h theta + p), theta the ' &
+            & //'argument of the excitation')
+      end associate
+
+   contains
+
+      subroutine make(series, name, leading, units, description, integers)
+         type(series_t), intent(inout) :: series
+         character(len=*), intent(in) :: name, units, description
+         integer, intent(in) :: leading(:)
+         logical, intent(in), optional :: integers
+         character(len=:), allocatable :: path
+
+         path = self%group//'/harmonics/'//name
+         if (.not. allocated(error)) call series%create(self%file, path, leading, units, description, error, integers)
+         if (.not. allocated(error) .and. name /= 'time') call self%file%attach_scale(path, size(leading) + 1, &
+            & self%group//'/harmonics/time', error)
+      end subroutine make
+
+   end subroutine create_windows
 
    !> Pass on how far the run is.
    subroutine progress(self, time, counts)
@@ -269,13 +345,13 @@ contains
       subroutine whole(name, value, description)
          character(len=*), intent(in) :: name, description
          integer, intent(in) :: value
-         if (.not. allocated(error)) call self%file%write('/transient/'//name, value, '1', description, error)
+         if (.not. allocated(error)) call self%file%write(self%group//'/'//name, value, '1', description, error)
       end subroutine whole
 
       subroutine part(name, value, description)
          character(len=*), intent(in) :: name, description
          real(wp), intent(in) :: value
-         if (.not. allocated(error)) call self%file%write('/transient/'//name, value, '1', description, error)
+         if (.not. allocated(error)) call self%file%write(self%group//'/'//name, value, '1', description, error)
       end subroutine part
 
    end subroutine write_summary
@@ -300,6 +376,14 @@ contains
       do k = 1, size(contacts)
          call self%contact(k)%close(ignored)
       end do
+      if (allocated(self%windows)) then
+         call self%windows%time%close(ignored)
+         call self%windows%frequency%close(ignored)
+         call self%windows%step%close(ignored)
+         call self%windows%change%close(ignored)
+         call self%windows%amplitude%close(ignored)
+         call self%windows%phase%close(ignored)
+      end if
       if (.not. allocated(self%snapshots)) return
       call self%snapshot_time%close(ignored)
       do k = 1, size(self%snapshots, 2)

@@ -1,0 +1,56 @@
+!> A point on a response curve - periodic motions found by harmonic balance - and who takes it.
+module microslip_analysis_response_point
+   use microslip_analysis_continuation, only: correction_t
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   implicit none(type, external)
+   private
+
+   public :: response_point_t, response_recorder_t
+
+   type :: response_point_t
+      !> Forced: factor on the load pattern
+      real(wp) :: level = 0.0_wp
+      !> Hz
+      real(wp) :: frequency = 0.0_wp
+      !> Nonlinear mode: damping ratio, and amplitude of the fundamental harmonic of all modal coordinates, m sqrt(kg)
+      real(wp) :: damping_ratio = 0.0_wp, modal_amplitude = 0.0_wp
+      !> (modes, 2H + 1) Fourier coefficients [mean, cos, sin, cos, ...] of the modal coordinates, less the operating
+      !> state, m sqrt(kg)
+      real(wp), allocatable :: modal(:, :)
+      !> (sensors, 2H + 1) the same of the sensors, m
+      real(wp), allocatable :: sensor(:, :)
+      !> At the chosen sensor, m: L2 norm of all harmonics' amplitudes (and over its directions), which is sqrt(2) times the
+      !> root mean square of the vibration
+      real(wp) :: amplitude = 0.0_wp
+      !> rad, fundamental harmonic of the direction that moves most: u = A cos(tau + phase)
+      real(wp) :: phase = 0.0_wp
+      !> Most points that were open, stuck, slipped at one sample
+      integer :: counts(3) = 0
+      !> Periods that the contact was marched
+      integer :: periods = 0
+      !> How far the forces are from repeating, over their range
+      real(wp) :: repeat_error = 0.0_wp
+      !> J per period
+      real(wp) :: friction_loss = 0.0_wp
+      type(correction_t) :: correction
+   end type response_point_t
+
+   !> Who takes the points: knows files or memory, the analyses know neither.
+   type, abstract :: response_recorder_t
+   contains
+      procedure(record_interface), deferred :: record
+   end type response_recorder_t
+
+   abstract interface
+      !> Take a point; they come in the order of the curve.
+      subroutine record_interface(self, point, error)
+         import :: response_recorder_t, response_point_t, error_t
+         implicit none(type, external)
+         class(response_recorder_t), intent(inout) :: self
+         type(response_point_t), intent(in) :: point
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine record_interface
+   end interface
+
+end module microslip_analysis_response_point
