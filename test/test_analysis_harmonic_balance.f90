@@ -68,9 +68,9 @@ contains
    end subroutine test_fourier
 
    !> dF/dx against central differences along random directions.
-   subroutine check_derivative(hill, size_of, seen, error)
-      !> m, of the hills, and amplitude of the modal coordinates
-      real(wp), intent(in) :: hill, size_of
+   subroutine check_derivative(size_of, seen, error)
+      !> Amplitude of the modal coordinates, m sqrt(kg)
+      real(wp), intent(in) :: size_of
       !> Most points open and slipping
       integer, intent(out) :: seen(3)
       type(testing_error), allocatable, intent(out) :: error
@@ -84,7 +84,7 @@ contains
       !> Of the differences: third order in h, rounding 1e-12 of the force over h; and kinks within h of the motion
       real(wp), parameter :: accuracy = 1.0e-5_wp
 
-      call make_preloaded([9, 6], hill, 0.4_wp, system, state, lib)
+      call make_preloaded([5, 3], 0.0_wp, 0.4_wp, system, state, lib)
       if (.not. allocated(lib)) call balance%set_up(system, state, [1], 2, 24, condensed(), lib)
       call good(error, lib)
       if (allocated(error)) return
@@ -118,7 +118,7 @@ contains
       type(testing_error), allocatable, intent(out) :: error
       integer :: seen(3)
 
-      call check_derivative(0.0_wp, 4.0e-5_wp, seen, error)
+      call check_derivative(8.0e-5_wp, seen, error)
       if (allocated(error)) return
       call check(error, seen(3) > 5, 'hardly any slip')
    end subroutine test_derivative_friction
@@ -127,7 +127,7 @@ contains
       type(testing_error), allocatable, intent(out) :: error
       integer :: seen(3)
 
-      call check_derivative(4.0e-6_wp, 2.0e-4_wp, seen, error)
+      call check_derivative(4.0e-4_wp, seen, error)
       if (allocated(error)) return
       call check(error, seen(3) > 5 .and. seen(1) > 5, 'hardly any slip or lift-off')
    end subroutine test_derivative_lift_off
@@ -309,7 +309,7 @@ contains
          & frequency = 18.0_wp
       real(wp) :: deviation(3), loss, dissipated
       integer :: k
-      integer, parameter :: harmonics(3) = [1, 5, 21], steps = 1200, periods = 45
+      integer, parameter :: harmonics(3) = [1, 3, 21], steps = 600, periods = 45
       real(wp), parameter :: accuracy = 1.0e-4_wp
 
       call make_jenkins(spring, damping, element, limit, system, state, lib)
@@ -319,7 +319,7 @@ contains
       if (allocated(error)) return
       fine = fine + (fine - coarse)/3.0_wp
       do k = 1, 3
-         call respond(system, state, 1, load, frequency, harmonics(k), 1200, balance, dissipated, lib)
+         call respond(system, state, 1, load, frequency, harmonics(k), 600, balance, dissipated, lib)
          call good(error, lib)
          if (allocated(error)) return
          deviation(k) = difference(balance, fine, [2, 3])
@@ -343,7 +343,7 @@ contains
       type(periodic_balance_t) :: motion
       real(wp), allocatable :: coarse(:, :), fine(:, :), balance(:, :)
       real(wp) :: loss, dissipated, deviation
-      integer, parameter :: harmonics = 15, samples = 400, periods = 30, steps = 500
+      integer, parameter :: harmonics = 15, samples = 300, periods = 25, steps = 400
       real(wp), parameter :: frequency = 150.0_wp, accuracy = 1.0e-4_wp, ratio = 0.1_wp
 
       call make_preloaded([5, 3], 0.0_wp, 0.4_wp, system, state, lib)
@@ -402,7 +402,7 @@ contains
       options%sensors = [1]
       options%load = impact_load
       options%levels = [3200.0_wp]
-      options%frequency_range = [150.0_wp, 151.0_wp]
+      options%frequency_range = [150.0_wp, 150.0_wp]
       options%frequency_step = 1.0_wp
       if (.not. allocated(lib)) call run_harmonic_balance(few, start, options, condensed(), grown, records, lib)
       if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), full, records, lib)

@@ -119,7 +119,7 @@ contains
       integer, allocatable :: complete(:)
 
       call run_changed([character(len=48) :: old, 'frequency_range = 195.0, 215.0'], &
-         & [character(len=64) :: new, 'frequency_range = 195.0, 215.0, max_points = 3'], lib)
+         & [character(len=64) :: new, 'frequency_range = 195, 215, max_points = 3'], lib)
       call check(error, allocated(lib))
       if (.not. allocated(error)) call check(error, lib%status == status_failed .and. &
          & index(lib%message, 'more points than allowed') > 0, lib%message)
