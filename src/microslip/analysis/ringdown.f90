@@ -82,8 +82,12 @@ contains
       end if
       interval = (decay%time(size(decay%time)) - decay%time(1))/(size(decay%time) - 1)
       first = 1 + max(0, ceiling((options%start - decay%time(1))/interval - 1.0e-6_wp))
-      signal = signal_of(decay, options, first)
-      if (.not. any(abs(signal - sum(signal)/max(1, size(signal))) > 0.0_wp)) then
+      if (first < size(decay%time)) then
+         signal = signal_of(decay, options, first)
+      else
+         signal = [0.0_wp]
+      end if
+      if (all(signal == signal(1))) then
          call failure(error, 'ringdown: there is no motion after '//to_text(options%start)//' s')
          return
       end if

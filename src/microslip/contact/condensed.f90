@@ -15,7 +15,8 @@ module microslip_contact_condensed
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_open, state_stick
    use microslip_contact_lookout, only: lookout_t
-   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, count_states
+   use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
+      & count_states
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_contact_reference, only: reference_t, moves_t
    use microslip_core_error, only: error_t, failure
@@ -241,6 +242,10 @@ contains
       self%steps_since_refresh = self%steps_since_refresh + 1
       record%converged = .true.
       call shed_open_points(self, problem, state, record)
+      if (.not. record%converged) then
+         call book_step(problem, state, state, record)
+         return
+      end if
       call begin_step(self, problem, q, state)
       call guess_violated(self, problem, state)
       do round = 1, max_rounds
@@ -258,7 +263,11 @@ contains
          ! Points that close join at the state before this step.
          if (.not. problem%velocity_level) closing = points_closing_soon(self, closing, q, state)
          call take_in(self, problem, closing, state, record, failed)
-         if (failed) return
+         if (failed) then
+            ! The base set is lost, not the state.
+            call book_step(problem, state, state, record)
+            return
+         end if
          call begin_step(self, problem, q, state)
       end do
       record%converged = record%converged .and. round <= max_rounds
@@ -642,6 +651,7 @@ contains
       call self%base%leave(problem, open, error)
       record%set_changes = record%set_changes + size(open)
       record%converged = .not. allocated(error)
+      if (allocated(error)) return
       call self%lookout%survey(problem, self%base)
       call refresh(self, problem, state)
    end subroutine shed_open_points

@@ -110,7 +110,7 @@ contains
       place(self%codes) = [(k, k=1, size(self%codes))]
       border = [pack(wanted, place(wanted) == 0), -pack([(k, k=1, size(self%codes))],.not. is_wanted(self%codes))]
       n = size(self%codes)
-      if (4*size(border) > n + 32 .or. size(border) > 120) then
+      if (4*size(border) > n + 32) then
          call self%rebuild(block, singular)
          return
       end if
