@@ -3,6 +3,7 @@
 module microslip
    use microslip_core_kinds, only: wp
    use microslip_core_error, only: error_t
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_load_pattern, only: load_vector, sensor_row

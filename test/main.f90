@@ -15,6 +15,7 @@ program main
    use test_contact_any_compliance, only: collect_contact_any_compliance
    use test_contact_matrix_free, only: collect_contact_matrix_free
    use test_contact_solvers, only: collect_contact_solvers
+   use test_contact_without_friction, only: collect_contact_without_friction
    use test_fe_condensation, only: collect_fe_condensation
    use test_fe_element, only: collect_fe_element
    use test_fe_face_location, only: collect_fe_face_location
@@ -72,6 +73,7 @@ program main
       & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
       & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
       & new_testsuite('contact_solvers', collect_contact_solvers), &
+      & new_testsuite('contact_without_friction', collect_contact_without_friction), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &
       & new_testsuite('fe_element', collect_fe_element), &
       & new_testsuite('fe_face_location', collect_fe_face_location), &

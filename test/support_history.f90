@@ -2,7 +2,7 @@
 module support_history
    use microslip, only: contact_options_t, error_t, excitation_t, harmonic_meter_t, harmonic_window_t, &
       & jointed_system_t, operating_state_t, run_transient, &
-      & sample_t, transient_options_t, transient_record_t, transient_recorder_t, wp
+      & sample_t, stopwatch_t, transient_options_t, transient_record_t, transient_recorder_t, wp
    use microslip_contact_problem, only: contact_state_t
    implicit none(type, external)
    private
@@ -45,6 +45,7 @@ contains
       type(harmonic_meter_t), intent(in), optional :: meter
       type(jointed_system_t) :: copy
       type(transient_options_t) :: options
+      type(stopwatch_t) :: clock
 
       copy = system
       options = transient_options_t(duration=steps*dt, time_step=dt)
@@ -53,7 +54,8 @@ contains
       if (present(verify_stride)) options%verify_stride = verify_stride
       if (present(meter)) options%meter = meter
       allocate (history%samples(0), history%snapshots(0), history%windows(0))
-      call run_transient(copy, state, options, contact, history, summary, error)
+      call clock%start()
+      call run_transient(copy, state, options, contact, history, clock, summary, error)
    end subroutine integrate
 
    subroutine record(self, samples, error)

@@ -12,6 +12,7 @@ module test_analysis_qsma
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, pi
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_system_compliance_choice, only: compliance_fft
@@ -327,6 +328,7 @@ contains
       type(transient_options_t) :: options
       type(transient_record_t) :: summary
       type(ringdown_t) :: found
+      type(stopwatch_t) :: clock
       !> Mean over a window of ten periods against the value at its middle, other modes, order of the time step.
       real(wp), parameter :: same_frequency = 2.0e-3_wp, same_damping = 0.1_wp
       integer :: k
@@ -347,7 +349,8 @@ contains
       recorder%onward => history
       recorder%phi = modes%shape(:, 1)
       recorder%origin = state%modal
-      call run_transient(system, state, options, by(system), recorder, summary, lib)
+      call clock%start()
+      call run_transient(system, state, options, by(system), recorder, clock, summary, lib)
       if (.not. allocated(lib)) call identify_ringdown(recorder%decay(), ringdown_options_t(start=5.0e-4_wp, &
          & frequency=modes%frequency(1), overlap=0.5_wp, sensors=[1]), found, lib)
       if (.not. allocated(lib)) call analyse(system, state, 1, found%amplitude(size(found%time):1:-1), record, lib)

@@ -220,7 +220,7 @@ contains
       type(hdf5_file_t) :: file
       real(wp), allocatable :: force(:), time(:), sensor(:, :), frequency(:), pressure(:, :)
       real(wp) :: balance
-      character(len=:), allocatable :: input, command
+      character(len=:), allocatable :: input, command, stages(:)
       integer :: k, unconverged
       character(len=*), parameter :: promised(*) = [character(len=40) :: '/setup/input', '/setup/resolved', &
          & '/timing/seconds', '/model/tied_frequency', '/model/modal_participation', '/interface_1/x', '/interface_1/y', &
@@ -250,6 +250,7 @@ contains
          if (.not. allocated(lib)) call file%read('/transient/largest_balance_error', balance, lib)
          if (.not. allocated(lib)) call file%read('/transient/unconverged_steps', unconverged, lib)
          if (.not. allocated(lib)) call file%read('/setup/input', input, lib)
+         if (.not. allocated(lib)) call file%read('/timing/stage', stages, lib)
          if (.not. allocated(lib)) call file%get_attribute('/', 'command line', command, lib)
          call good(error, lib)
       end if
@@ -257,6 +258,8 @@ contains
       call clean_up()
       if (allocated(error)) return
       call check(error, all(abs(force - 2000.0_wp) < 1.0e-9_wp*force) .and. all(shape(pressure) == [8, 6]), 'preload')
+      if (allocated(error)) return
+      call check(error, any(stages == 'transient start') .and. any(stages == 'transient'), 'stages of the time integration')
       if (allocated(error)) return
       call check(error, time(1) == 0.0_wp .and. time(size(time)) >= 1.0e-4_wp .and. size(sensor, 2) == size(time) &
          & .and. size(sensor, 1) == 1, 'time series')

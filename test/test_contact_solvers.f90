@@ -12,7 +12,7 @@ module test_contact_solvers
    implicit none(type, external)
    private
 
-   public :: collect_contact_solvers, half_space_like_problem
+   public :: collect_contact_solvers, half_space_like_problem, driver
 
 contains
 

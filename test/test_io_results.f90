@@ -9,6 +9,7 @@ module test_io_results
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_core_kinds, only: wp
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_results, only: results_t
@@ -59,6 +60,7 @@ contains
       type(transient_options_t) :: options
       type(linear_modes_t) :: modes
       type(contact_options_t) :: contact
+      type(stopwatch_t) :: clock
 
       contact%solver = 'condensed'
       call make_joint(nx, ny, hill, reduced, system, lib)
@@ -75,7 +77,8 @@ contains
       if (allocated(lib)) return
       options = transient_options_t(duration=n_steps*dt, time_step=dt, snapshots=[0.5_wp, 1.0_wp]*n_steps*dt, &
          & excitations=[excitation_t(load=3, kind=kind_half_sine, amplitude=400.0_wp, duration=5.0e-4_wp)])
-      call run_transient(system, state, options, contact, recorder, record, lib)
+      call clock%start()
+      call run_transient(system, state, options, contact, recorder, clock, record, lib)
       if (.not. allocated(lib)) call recorder%write_summary(record, lib)
       if (.not. allocated(lib)) call recorder%close(lib)
       if (.not. allocated(lib)) call results%write_interfaces(system, lib)

@@ -14,6 +14,8 @@ import tables
 from runs import Runner
 from studies import full_studies, short_studies
 
+UNDISTURBED = 0.85  # of its core: what a run with one thread has at least if the machine is left alone
+
 
 def main():
     options = parse_command_line()
@@ -45,7 +47,7 @@ def run_study(study, runner):
     print(f"{study.title}:", flush=True)
     rows = []
     for variation in study.variations:
-        run = runner.run(variation.case, start=study.few_steps)
+        run = runner.run(variation.case)
         reference = None if run.failure else first_that_runs(variation.references, runner)
         rows.append(tables.row_of(variation, run, reference))
         print(line(rows[-1]), flush=True)
@@ -83,9 +85,16 @@ def publish(options, done, convolution, runner, load, seconds):
     ran = [run.result for run in runner.known.values() if not run.failure]
     surroundings = report.environment(options.program, ran[0] if ran else None)
     surroundings += [("load average", f"{load:.2f} at the start, {os.getloadavg()[0]:.2f} at the end, the benchmark's own included"),
-                     ("duration of all this", f"{seconds / 60:.1f} min")]
+                     ("duration of all this", f"{seconds / 60:.1f} min"), ("disturbed runs", disturbed(done))]
     tables.write_hdf5(os.path.join(options.output, "benchmark.h5"), done, convolution, dict(surroundings))
     report.write_report(options.output, "short" if options.short else "full", surroundings, done, convolution)
+
+
+def disturbed(done):
+    """How many rows are of runs with one thread that did not have their core for themselves."""
+    shares = [row["own"] for _, rows in done for row in rows if row["threads"] == 1 and not row["failure"]]
+    few = sum(share < UNDISTURBED for share in shares)
+    return f"{few} of {len(shares)} with one thread had less than {UNDISTURBED} of their core: their times are too long"
 
 
 def parse_command_line():

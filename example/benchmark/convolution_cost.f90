@@ -15,7 +15,7 @@ program convolution_cost
    use microslip_linalg_dense, only: product_of
    implicit none(type, external)
 
-   integer, parameter :: cells(8) = [32, 45, 64, 70, 100, 150, 224, 316], repeats = 25, dense_points = 5000
+   integer, parameter :: cells(8) = [32, 45, 64, 70, 100, 150, 224, 316], repeats = 25, dense_points = 4096
    !> Side of the square, m; Young's moduli of the upper and, equal and unequal, of the lower body, Pa
    real(wp), parameter :: side = 0.05_wp, upper = 194.0e9_wp, lower(2) = [194.0e9_wp, 70.0e9_wp], poisson = 0.2854_wp
    character(len=*), parameter :: materials(2) = ['equal  ', 'unequal']

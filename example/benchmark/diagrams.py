@@ -22,6 +22,8 @@ matplotlib.rcParams.update({**STYLE, "lines.markersize": 5, "lines.linewidth": 1
 def draw(study, rows, path):
     """Draw a study's picture; False if it has no two points to draw."""
     rows = [row for row in rows if not row["failure"]]
+    if study.diagram == "precision":  # errors are drawn there: not without a reference
+        rows = [row for row in rows if not empty(row.get("force_l2"))]
     if len(rows) < 2:
         return False
     figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")

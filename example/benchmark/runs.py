@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import h5py
 
-PATIENCE = 1.0  # s: runs are repeated until they took this together, or REPEATS times
-REPEATS = 5
-START = 20.0    # s: a time integration that takes longer than this hides the start of its solver
+PATIENCE = 0.2  # s: runs are repeated until their steps took this together, or REPEATS times
+REPEATS = 3
 
 
 @dataclass
@@ -20,10 +19,10 @@ class Run:
     result: str                                  # result file
     failure: str = ""
     seconds: dict = field(default_factory=dict)  # by stage of the program; medians over the repeats
-    start: float = 0.0                           # s of the time integration before its first step, if it was measured
     repeats: int = 1
     memory: float = float("nan")                 # bytes, the most it held
-    others: float = float("nan")                 # cores that other processes used meanwhile, mean
+    own: float = float("nan")                    # cores that it used, mean; the least of the repeats
+    others: float = float("nan")                 # cores that other processes used meanwhile, mean; the most of the repeats
 
     def setup_seconds(self):
         """Contact matrices and preload, without reading and reduction."""
@@ -38,19 +37,11 @@ class Runner:
         self.known = {}
         os.makedirs(self.folder, exist_ok=True)
 
-    def run(self, case, start=False):
-        """Run a case, several times if it is short. `start`: tell the start of the time integration from its steps, by a
-        run of one step."""
-        run = self.known.get(case)
-        if run is None:
-            run = self.known[case] = self.measure(case)
-        if start and not run.failure and not run.start and run.seconds["transient"] < START:
-            one = self.measure(replace(case, duration=case.time_step, snapshots=(case.time_step,)))
-            if not one.failure:
-                n, total = case.steps(), run.seconds["transient"]
-                begun = max((n * one.seconds["transient"] - total) / (n - 1), 0.0)
-                run.start = begun if begun < 0.95 * total else 0.0  # what would be left is noise: nothing is taken off
-        return run
+    def run(self, case):
+        """Run a case, several times if its steps are over soon."""
+        if case not in self.known:
+            self.known[case] = self.measure(case)
+        return self.known[case]
 
     def measure(self, case):
         path = os.path.join(self.folder, f"run_{len(self.known):03d}.nml")
@@ -58,13 +49,13 @@ class Runner:
             self.once(replace(case, nx=20, ny=13, solver="condensed", compliance="", potential="auto", duration=case.time_step,
                               snapshots=(case.time_step,)), path)
         runs = [self.once(case, path)]
-        while not runs[-1].failure and len(runs) < REPEATS and sum(sum(run.seconds.values()) for run in runs) < PATIENCE:
+        while not runs[-1].failure and len(runs) < REPEATS and sum(run.seconds["transient"] for run in runs) < PATIENCE:
             runs.append(self.once(case, path))
         last = runs[-1]
         if not last.failure:
             last.seconds = {stage: statistics.median(run.seconds[stage] for run in runs) for stage in last.seconds}
             last.repeats = len(runs)
-            last.others = max(run.others for run in runs)
+            last.own, last.others = min(run.own for run in runs), max(run.others for run in runs)
         return last
 
     def cache(self, case):
@@ -81,7 +72,7 @@ class Runner:
             os.remove(run.result)
         clock = Processors()
         status, killed, usage = self.execute([self.program, "--output", run.result, path], log, case.threads)
-        run.others = clock.others(usage)
+        run.own, run.others = clock.shares(usage)
         run.memory = 1024.0 * usage.ru_maxrss
         if killed:
             run.failure = f"stopped after {self.time_limit:.0f} s{steps_done(run.result, case)}"
@@ -122,12 +113,12 @@ class Processors:
             ticks = [int(word) for word in file.readline().split()[1:9]]
         return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
 
-    def others(self, usage):
-        """Cores used by others than the process with this usage."""
+    def shares(self, usage):
+        """Cores used by the process with this usage, and by all others."""
         busy, everything = self.read()
-        elapsed = (everything - self.all) / os.cpu_count()
+        elapsed = max((everything - self.all) / os.cpu_count(), 1.0)
         own = (usage.ru_utime + usage.ru_stime) * os.sysconf("SC_CLK_TCK")
-        return max(busy - self.busy - own, 0.0) / max(elapsed, 1.0)
+        return own / elapsed, max(busy - self.busy - own, 0.0) / elapsed
 
 
 def limit_memory():
@@ -141,7 +132,7 @@ def last_words(log):
     """The last line that is neither progress nor backtrace, for the table."""
     with open(log, errors="replace") as file:
         lines = [line.strip() for line in file.read().replace("\r", "\n").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Error termination"))]
+    lines = [line for line in lines if not line.startswith(("transient ", "wall time", "#", "at ", "Backtrace", "Error termination"))]
     return lines[-1].replace(os.path.dirname(os.path.abspath(log)) + os.sep, "")[:200] if lines else "no message"
 
 

@@ -24,7 +24,6 @@ class Study:
     text: str
     parameter: str              # what is varied: a column of the table (tables.py), an axis of the diagram
     variations: list
-    few_steps: bool = False     # the start of the solver is measured and taken off
     diagram: str = "precision"  # or "scaling", "threads" (diagrams.py)
     missing: list = field(default_factory=list)  # what cannot be run here, and why
 
@@ -33,18 +32,22 @@ def short_studies(program, folder):
     """{name: what makes the study}; about two minutes on two cores."""
     base = Case(model=model_file("coarse", program, folder))
     brief = replace(base, duration=2.4e-3, snapshots=(2.4e-3,))
-    solvers = ["condensed", "jacobi_eliminated"]
+    grids = [(20, 13), (28, 18), (42, 26), (63, 40)]
     return {
         "time_step": lambda: time_step_study(base, [4e-5, 2e-5, 1e-5, 5e-6], 1.25e-6),
         "modes": lambda: modes_study(replace(base, time_step=1e-5), [5, 10, 20, 30], 60),
-        "grid": lambda: grid_study(base, [(20, 13), (28, 18), (42, 26)], [(63, 40)]),
+        "grid": lambda: grid_study(base, grids[:3], grids[3:]),
         "tolerance": lambda: tolerance_study(base, [1e-3, 1e-5, 1e-7, 1e-9]),
-        "solvers": lambda: solver_study([("20 x 13 cells", hard_impact(replace(base, nx=20, ny=13, time_step=1e-5), 40), [1e-3, 1e-5, 1e-7])]),
-        "scaling": lambda: scaling_study(hard_impact(replace(base, time_step=5e-6), 80), [(20, 13), (42, 26), (63, 40)], {
+        "solvers": lambda: solver_study([
+            ("20 x 13 cells", hard_impact(replace(base, nx=20, ny=13)), [1e-3, 1e-5, 1e-7], [1e-3, 1e-5, 1e-7]),
+            ("42 x 26 cells", hard_impact(base), [1e-3, 1e-5, 1e-7], [1e-2])]),
+        "scaling": lambda: scaling_study(hard_impact(replace(base, time_step=5e-6), 80), grids, {
             "condensed, chosen points": ({}, math.inf),
             "condensed fft, chosen points": ({"compliance": "fft"}, 2500),
-            "jacobi_eliminated, chosen points": ({"solver": "jacobi_eliminated"}, math.inf)}),
-        "threads": lambda: thread_study([("42 x 26 cells", brief), ("63 x 40 cells", replace(brief, nx=63, ny=40))], solvers, [1, 2]),
+            "jacobi_eliminated, chosen points": ({"solver": "jacobi_eliminated"}, 2500)}),
+        "threads": lambda: thread_study([
+            ("42 x 26 cells", brief, ["condensed", "jacobi_eliminated"]),
+            ("63 x 40 cells", replace(brief, nx=63, ny=40), ["condensed"])], [1, 2]),
     }
 
 
@@ -54,7 +57,7 @@ def full_studies(program, folder):
     small = Case(model=model_file("coarse", program, folder), nx=20, ny=13)
     middle = replace(base, nx=42, ny=26)
     large = replace(base, nx=126, ny=79, duration=2.4e-3, snapshots=(2.4e-3,))
-    solvers = ["condensed", "jacobi_eliminated"]
+    tolerances = [1e-2, 1e-4, 1e-6, 1e-8]
     grids = [(20, 13), (28, 18), (42, 26), (63, 40), (84, 53), (126, 79)]
     finest = [(200, 125), (168, 106)]
     return {
@@ -64,16 +67,17 @@ def full_studies(program, folder):
         "mesh": lambda: mesh_study(base, ["coarse", "medium", "full", "fine"], program, folder),
         "tolerance": lambda: tolerance_study(base, [10.0 ** -k for k in range(2, 12)]),
         "solvers": lambda: solver_study([
-            ("coarse FE, 20 x 13 cells", hard_impact(small), [1e-2, 1e-4, 1e-6, 1e-8]),
-            ("full FE, 42 x 26 cells", hard_impact(middle), [1e-2, 1e-4, 1e-6, 1e-8]),
-            ("full FE, 84 x 53 cells", hard_impact(base, steps=10), [1e-3, 1e-5])]),
+            ("coarse FE, 20 x 13 cells", hard_impact(small), tolerances, [1e-2, 1e-4, 1e-6, 1e-8]),
+            ("full FE, 42 x 26 cells", hard_impact(middle), tolerances, [1e-2, 1e-4, 1e-6]),
+            ("full FE, 84 x 53 cells", hard_impact(base), tolerances, [1e-2])]),
         "scaling": lambda: scaling_study(hard_impact(replace(base, time_step=1e-5), 40), grids + finest[::-1], {
             "condensed, chosen points": ({}, math.inf),
             "condensed, all points": ({"potential": "all"}, math.inf),
             "condensed fft, chosen points": ({"compliance": "fft"}, math.inf),
             "jacobi_eliminated, chosen points": ({"solver": "jacobi_eliminated"}, 10_000)}),
-        "threads": lambda: thread_study([("42 x 26 cells", middle), ("84 x 53 cells", base), ("126 x 79 cells", large)],
-                                        solvers, [1, 2]),
+        "threads": lambda: thread_study([
+            (name, case, ["condensed", "jacobi_eliminated"])
+            for name, case in (("42 x 26 cells", middle), ("84 x 53 cells", base), ("126 x 79 cells", large))], [1, 2]),
     }
 
 
@@ -143,7 +147,7 @@ def tolerance_study(base, tolerances):
 
 
 def solver_study(scenes):
-    """[(name, case, tolerances)], every solver on every one."""
+    """[(name, case, tolerances, those of the plain solver)], every solver on every one."""
     return Study(
         "solvers", "Solvers side by side",
         "The same few steps by every solver, under an impact that makes nearly all closed points slip by their end. Only the "
@@ -153,8 +157,9 @@ def solver_study(scenes):
         "tolerance",
         [Variation(power(tolerance), f"{solver}, {name}", replace(case, solver=solver, tolerance=tolerance),
                    [replace(case, tolerance=REFERENCE_TOLERANCE)])
-         for name, case, tolerances in scenes
-         for solver in ("condensed", "jacobi_eliminated", "jacobi") for tolerance in tolerances], few_steps=True)
+         for name, case, tolerances, plain in scenes
+         for solver, values in (("condensed", tolerances), ("jacobi_eliminated", tolerances), ("jacobi", plain))
+         for tolerance in values])
 
 
 def scaling_study(base, grids, curves):
@@ -169,17 +174,18 @@ def scaling_study(base, grids, curves):
         "contact_points",
         [Variation(f"{nx}x{ny}", name, replace(base, nx=nx, ny=ny, **changes), references)
          for name, (changes, limit) in curves.items() for nx, ny in grids if 2 * nx * ny <= limit],
-        few_steps=True, diagram="scaling")
+        diagram="scaling")
 
 
-def thread_study(scenes, solvers, counts):
+def thread_study(scenes, counts):
+    """[(name, case, solvers)]"""
     return Study(
         "threads", "Threads",
         f"The same case with OMP_NUM_THREADS at different values; the reference of the errors is the run with {counts[0]}.",
         "threads",
         [Variation(str(n), f"{solver}, {name}", replace(case, threads=n, solver=solver),
                    [replace(case, threads=counts[0], solver=solver)])
-         for name, case in scenes for solver in solvers for n in counts], diagram="threads")
+         for name, case, solvers in scenes for solver in solvers for n in counts], diagram="threads")
 
 
 def micro(seconds):

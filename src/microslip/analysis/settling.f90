@@ -22,6 +22,7 @@ module microslip_analysis_settling
    use microslip_contact_problem, only: contact_problem_t, contact_solver_t, contact_state_t, gap_of, solve_record_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
@@ -96,7 +97,7 @@ module microslip_analysis_settling
 contains
 
    !> Run the impacts; the state becomes the equilibrium that they end in.
-   subroutine run_settling(system, state, options, contact_options, onward, record, error)
+   subroutine run_settling(system, state, options, contact_options, onward, clock, record, error)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       !> Equilibrium to start from, equilibrium in the end
@@ -105,6 +106,8 @@ contains
       type(contact_options_t), intent(in) :: contact_options
       !> Who takes the time series
       class(transient_recorder_t), intent(inout), target :: onward
+      !> Running; the time integration books its stages
+      type(stopwatch_t), intent(inout) :: clock
       type(settling_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
       type(settling_recorder_t) :: recorder
@@ -120,7 +123,7 @@ contains
       allocate (recorder%after(0:size(options%amplitude)))
       call begin(recorder, system, state)
       before = potential_points(system)
-      call run_transient(system, state, transient_of(options), contact_options, recorder, record%transient, error)
+      call run_transient(system, state, transient_of(options), contact_options, recorder, clock, record%transient, error)
       allocate (record%after(0:recorder%impacts))
       record%after = recorder%after(:recorder%impacts)
       if (record%transient%points_added > 0) call carry_over(system, before, state%contact)

@@ -23,6 +23,7 @@ module microslip_analysis_transient
    use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, gap_of, book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
@@ -149,13 +150,15 @@ module microslip_analysis_transient
 contains
 
    !> Integrate from an equilibrium at rest.
-   subroutine run_transient(system, start, options, contact_options, recorder, record, error)
+   subroutine run_transient(system, start, options, contact_options, recorder, clock, record, error)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       type(operating_state_t), intent(in) :: start
       type(transient_options_t), intent(in) :: options
       type(contact_options_t), intent(in) :: contact_options
       class(transient_recorder_t), intent(inout) :: recorder
+      !> Running; books 'transient start', 'transient' (the steps) and 'write' (what the recorder takes)
+      type(stopwatch_t), intent(inout) :: clock
       type(transient_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
       class(contact_solver_t), allocatable :: solver
@@ -174,6 +177,7 @@ contains
       call begin(system, start, options, motion, error)
       if (allocated(error)) return
       samples = [sample_of(system, motion, options)]
+      call clock%stop('transient start')
 
       do while (motion%step < last_step(options, motion))
          safe = motion
@@ -189,7 +193,9 @@ contains
             if (allocated(error)) exit
             cycle
          end if
+         call clock%stop('transient')
          call hand_on(system, options, motion, samples, recorder, error)
+         call clock%stop('write')
          if (allocated(error)) return
       end do
       record%steps = motion%step

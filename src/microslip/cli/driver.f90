@@ -437,16 +437,17 @@ contains
             if (allocated(error)) return
             keeper%origin = run%state%modal
          end if
-         call run_transient(run%system, run%state, options, contact_options(run), keeper, record, error)
+         call run_transient(run%system, run%state, options, contact_options(run), keeper, run%clock, record, error)
          run%decay = keeper%decay()
       else
-         call run_transient(run%system, run%state, options, contact_options(run), recorder, record, error)
+         call run_transient(run%system, run%state, options, contact_options(run), recorder, run%clock, record, error)
       end if
+      call run%clock%stop(merge('transient', 'write    ', allocated(error)))
       call recorder%write_summary(record, ignored)
       call recorder%close(ignored)
       if (record%points_added > 0) call carry_over(run%system, before, run%state%contact)
       if (record%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
-      call run%clock%stop('transient')
+      call run%clock%stop('write')
       call run%log%line('transient: '//to_text(record%steps)//' steps of '//to_text(options%time_step)//' s, ' &
          & //to_text(record%iterations)//' iterations ('//to_text(record%rescues)//' rescues, '//to_text(record%set_changes) &
          & //' set changes, '//to_text(record%points_added)//' points taken in), largest residual ' &
@@ -479,14 +480,14 @@ contains
       keeper%origin = run%state%modal
       call series%line%start('settling', size(options%amplitude)*options%interval, line%quiet)
       if (run%case%settling%ringdown) then
-         call run_settling(run%system, run%state, options, contact_options(run), keeper, record, error)
+         call run_settling(run%system, run%state, options, contact_options(run), keeper, run%clock, record, error)
       else
-         call run_settling(run%system, run%state, options, contact_options(run), series, record, error)
+         call run_settling(run%system, run%state, options, contact_options(run), series, run%clock, record, error)
       end if
+      call run%clock%stop('settling')
       call series%write_summary(record%transient, ignored)
       call series%close(ignored)
       if (record%transient%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
-      call run%clock%stop('settling')
       if (allocated(error)) return
       if (allocated(ignored)) call move_alloc(ignored, error)
       associate (last => ubound(record%after, 1))

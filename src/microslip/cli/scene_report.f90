@@ -158,6 +158,9 @@ contains
          associate (pad => scene%pads(k))
             if (.not. pad%compliance%coupled()) call log%line("skipped, interface '"//pad%contact%name &
                & //"': normal-tangential coupling of the half spaces (equal materials cancel it)")
+            if (pad%friction <= 0.0_wp .and. any(case%contact%solver == [character(len=17) :: 'condensed', &
+               & 'jacobi_eliminated'])) call log%line("skipped, interface '"//pad%contact%name &
+               & //"': tangential directions of the contact (no friction: its unknowns are the points that lift off)")
             if (takes_all(case, scene, k)) then
                call log%line("skipped, interface '"//pad%contact%name//"': choice of the points in potential contact " &
                   & //'(all take part: asked for, flat, or no preload)')

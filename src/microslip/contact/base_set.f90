@@ -8,6 +8,9 @@
 !> Points enter by bordering M with their Schur complement and
 !> leave by the reverse; both keep M symmetric, and where a probe finds it inaccurate M is factorised anew.
 !>
+!> Points without friction carry normal forces alone: G_AA^-1 is that of the unknowns that can carry force, and the
+!> tangential rows and columns of such points are zero in M, S, T^T and the output slopes.
+!>
 !> Groups (interfaces) are coupled in M by a low rank only: between groups g and h, M_gh = Z_g C_gh Z_h^T with an
 !> orthonormal basis Z_g of what the other groups cause in g. Z_g is found by products with random vectors and
 !> verified; where it does not pay, all points are one group.
@@ -72,7 +75,7 @@ contains
       call partition(self, problem%n_points, points)
       rows = unknowns(self%inside)
       self%M = problem%G(rows, rows)
-      call inverse_spd(self%M, error)
+      call invert_carrying(self%M, can_carry(problem, self%inside), error)
       if (allocated(error)) then
          error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
          return
@@ -106,7 +109,7 @@ contains
       U_t = transpose(U)
       schur = problem%G(new, new) - multiply(U_t, cross)
       schur = 0.5_wp*(schur + transpose(schur))
-      call inverse_spd(schur, error)
+      call invert_carrying(schur, can_carry(problem, points), error)
       if (allocated(error)) then
          call self%build(problem, [self%inside, points], error)
          return
@@ -158,7 +161,7 @@ contains
       gone = unknowns(self%place(points))
       rows = unknowns(self%place(stay))
       own = self%M(gone, gone)
-      call inverse_spd(own, error)
+      call invert_carrying(own, can_carry(problem, points), error)
       if (allocated(error)) then
          call self%build(problem, stay, error)
          return
@@ -198,12 +201,13 @@ contains
       is_accurate = missed(self, problem) <= max(most_missed, 10.0_wp*self%missed_at_first)
    end function is_accurate
 
-   !> Largest |G_AA M x - x| in some rows, for an x without pattern and |x| <= 1.
+   !> Largest |G_AA M x - x| in some rows that can carry force, for an x without pattern and |x| <= 1.
    real(wp) function missed(self, problem)
       type(base_set_t), intent(in) :: self
       type(contact_problem_t), intent(in) :: problem
       real(wp), allocatable :: x(:, :), Mx(:)
       integer, allocatable :: rows(:)
+      logical, allocatable :: carries(:)
       integer :: k
 
       missed = 0.0_wp
@@ -211,7 +215,9 @@ contains
       allocate (x(size(rows), 1), Mx(size(rows)))
       call fill_random(x)
       call product_symmetric(self%M, x(:, 1), Mx)
+      carries = can_carry(problem, self%inside)
       do k = 1, size(rows), max(1, size(rows)/probed_rows)
+         if (.not. carries(k)) cycle
          missed = max(missed, abs(dot_product(problem%G(rows, rows(k)), Mx) - x(k, 1)))
       end do
    end function missed
@@ -251,8 +257,8 @@ contains
          self%groups = maxval(problem%group)
          rank = first_rank
          do while (self%groups > 1)
-            if (8*rank > 3*minval([(count(self%group == g), g=1, self%groups)])) exit
-            call find_coupling(self, rank, found)
+            if (8*rank > minval([(size(unknowns_of(self, problem, g)), g=1, self%groups)])) exit
+            call find_coupling(self, problem, rank, found)
             if (found) return
             rank = 2*rank
          end do
@@ -264,8 +270,9 @@ contains
    end subroutine update_coupling
 
    !> Low-rank coupling with `rank` vectors per group, checked on two vectors that were not used to find it.
-   subroutine find_coupling(self, rank, found)
+   subroutine find_coupling(self, problem, rank, found)
       class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: rank
       logical, intent(out) :: found
       integer, parameter :: probes = 2
@@ -289,7 +296,7 @@ contains
       caused = multiply(self%M, masked)
       found = .true.
       do g = 1, self%groups
-         own = unknowns(pack([(k, k=1, n/3)], self%group == g))
+         own = unknowns_of(self, problem, g)
          part = caused(own, (g - 1)*(rank + probes) + 1:g*(rank + probes))
          Z = part(:, :rank)
          call orthonormalise(Z)
@@ -303,7 +310,7 @@ contains
       deallocate (masked)
       allocate (masked(n, rank*self%groups), source=0.0_wp)
       do g = 1, self%groups
-         own = unknowns(pack([(k, k=1, n/3)], self%group == g))
+         own = unknowns_of(self, problem, g)
          masked(own, (g - 1)*rank + 1:g*rank) = transpose(self%basis(:, own))
       end do
       caused = multiply(self%M, masked)
@@ -312,6 +319,18 @@ contains
          self%coupling((g - 1)*rank + 1:g*rank, (g - 1)*rank + 1:g*rank) = 0.0_wp
       end do
    end subroutine find_coupling
+
+   !> Unknowns of a group that can carry force.
+   function unknowns_of(self, problem, group) result(own)
+      type(base_set_t), intent(in) :: self
+      type(contact_problem_t), intent(in) :: problem
+      integer, intent(in) :: group
+      integer, allocatable :: own(:)
+      integer :: k
+
+      own = unknowns(pack([(k, k=1, size(self%inside))], self%group == group))
+      own = pack(own, can_carry(problem, pack(self%inside, self%group == group)))
+   end function unknowns_of
 
    !> Numbers between -1 and 1 without pattern, the same ones every time.
    pure subroutine fill_random(values)
@@ -352,6 +371,38 @@ contains
       where_is(points) = [(k, k=1, size(points))]
       order = pack(where_is, where_is > 0)
    end function order_of
+
+   !> Which of the three unknowns of every point can carry force: without friction the normal one alone.
+   pure function can_carry(problem, points) result(carries)
+      type(contact_problem_t), intent(in) :: problem
+      integer, intent(in) :: points(:)
+      logical :: carries(3*size(points))
+
+      carries = .true.
+      carries(2::3) = problem%friction(points) > 0.0_wp
+      carries(3::3) = carries(2::3)
+   end function can_carry
+
+   !> The inverse of A among the unknowns that can carry force, zero in the other rows and columns.
+   subroutine invert_carrying(A, carries, error)
+      real(wp), allocatable, intent(inout) :: A(:, :)
+      logical, intent(in) :: carries(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: part(:, :)
+      integer, allocatable :: list(:)
+      integer :: k
+
+      if (all(carries)) then
+         call inverse_spd(A, error)
+         return
+      end if
+      list = pack([(k, k=1, size(carries))], carries)
+      part = A(list, list)
+      call inverse_spd(part, error)
+      if (allocated(error)) return
+      A = 0.0_wp
+      A(list, list) = part
+   end subroutine invert_carrying
 
    !> A B as a function.
    function multiply(a, b) result(c)

@@ -5,6 +5,9 @@
 !> rows are those of the columns, in the same order. Rows and columns of M = G_AA^-1 are copied here once, side by
 !> side, so that a product reads memory in order: the block grows with the slip zone and is emptied when the motion
 !> turns.
+!>
+!> A point without friction never slips here: its tangential increments stay zero, as their columns of M are, and where it is
+!> closed it sticks as far as the block is concerned.
 module microslip_contact_block
    use, intrinsic :: iso_fortran_env, only: real32
    use microslip_contact_base_set, only: base_set_t

@@ -63,7 +63,7 @@ contains
 
    !> One point alone: force = others + own x obeying the contact laws.
    pure subroutine solve_point(own, others, gap_old, friction, forced_open, x, status)
-      !> (3, 3) N/m, symmetric positive definite
+      !> (3, 3) N/m, symmetric positive definite; without friction the normal part alone, the rest zero
       real(wp), intent(in) :: own(3, 3)
       !> (3) force at x = 0, N
       real(wp), intent(in) :: others(3)
@@ -77,7 +77,11 @@ contains
       real(wp) :: a(2), normal, radius
       integer :: k
 
-      x = -solve_3(own, others)
+      if (friction > 0.0_wp) then
+         x = -solve_3(own, others)
+      else
+         x = [-others(1)/own(1, 1), 0.0_wp, 0.0_wp]
+      end if
       status = state_open
       if (forced_open .or. gap_old + x(1) > 0.0_wp) return
 

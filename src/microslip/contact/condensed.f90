@@ -1,8 +1,10 @@
 !> The fast contact solver: stick predictor, slip/lift-off corrector (METHOD section 5).
 !>
 !> On the base set, closed points stick unless they must not: only points that are open, slip, or leave
-!> their cone carry unknowns. Newton with kept factors solves for them (`block_newton`), with block
-!> Gauss-Seidel as the rescue, or the paper's projected Jacobi with the sticking points eliminated.
+!> their cone carry unknowns. Without friction a closed point has none either: it slides freely, and its
+!> tangential gap follows from the definition when it is asked for (`complete`). Newton with kept factors
+!> solves for the unknowns (`block_newton`), with block Gauss-Seidel as the rescue, or the paper's projected
+!> Jacobi with the sticking points eliminated.
 !> All others are looked at only where a bound says that their margin may be used up (`lookout`), and the
 !> forces on the structure come from what moved alone (`reference`): a step without slip costs what a
 !> linear system of the drivers costs.
@@ -13,10 +15,10 @@ module microslip_contact_condensed
    use microslip_contact_block_newton, only: solve_newton
    use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, predict_all
    use microslip_contact_kept_factor, only: kept_factor_t
-   use microslip_contact_laws, only: state_open, state_stick
-   use microslip_contact_lookout, only: lookout_t
+   use microslip_contact_laws, only: state_at_rest, state_open, state_slip, state_stick
+   use microslip_contact_lookout, only: lookout_t, margin_of
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
-      & count_states
+      & count_states, gap_of
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_contact_reference, only: reference_t, moves_t
    use microslip_core_error, only: error_t, failure
@@ -133,7 +135,7 @@ contains
       self%steps_since_refresh = 0
    end subroutine refresh
 
-   !> Empty the blocks but for the points that slip or are open.
+   !> Empty the blocks but for the points that slip against friction or are open.
    subroutine renew_blocks(self, problem, state, force)
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
@@ -153,7 +155,8 @@ contains
       end do
       do j = 1, size(self%base%inside)
          p = self%base%inside(j)
-         if (state%status(p) /= state_stick) call follow(self, problem, state, j, force(:, j), moves=.true.)
+         if (any(state%status(p) == [state_stick, state_at_rest(problem%friction(p))])) cycle
+         call follow(self, problem, state, j, force(:, j), moves=.true.)
       end do
    end subroutine renew_blocks
 
@@ -201,7 +204,7 @@ contains
       !> Its force, N
       real(wp), intent(in) :: force(3)
 
-      self%lookout%margin(place) = problem%friction(self%base%inside(place))*force(1) - norm2(force(2:3))
+      self%lookout%margin(place) = margin_of(force, problem%friction(self%base%inside(place)))
       self%lookout%used(place) = 0.0_wp
    end subroutine watch
 
@@ -451,6 +454,10 @@ contains
          do a = 1, n
             M(3*a - 2:3*a, 3*b - 2:3*b) = self%base%M(3*place(a) - 2:3*place(a), 3*place(b) - 2:3*place(b))
          end do
+         ! Without friction the tangential springs are not in M: any of their own keep it regular, under no force.
+         if (friction(b) > 0.0_wp) cycle
+         M(3*b - 1, 3*b - 1) = M(3*b - 2, 3*b - 2)
+         M(3*b, 3*b) = M(3*b - 2, 3*b - 2)
       end do
       compliance = M
       call inverse_spd(compliance, error)
@@ -465,6 +472,7 @@ contains
       record%iterations = record%iterations + sweeps
       record%converged = record%error_estimate <= self%tolerance
       status = states_of_forces(reshape(force, [3, n]), friction)
+      where (status == state_slip .and. friction <= 0.0_wp) status = state_stick
       x = reshape(matmul(compliance, force - reshape(predicted, [3*n])), [3, n])
       b = 0
       do g = 1, size(self%blocks)
@@ -524,7 +532,7 @@ contains
          p = self%base%inside(j)
          force = self%reference%force_of(self%base, j, moves)
          leaves(k) = leaves_cone(force, problem%friction(p), slack)
-         looked(j) = problem%friction(p)*force(1) - norm2(force(2:3))
+         looked(j) = margin_of(force, problem%friction(p))
       end do
       more = any(leaves)
       if (.not. more) return
@@ -695,6 +703,7 @@ contains
             p = self%base%inside(block%place(a))
             x = block%x(:, a)
             state%status(p) = block%status(a)
+            if (block%status(a) == state_stick) state%status(p) = state_at_rest(problem%friction(p))
             ! Slip that goes on goes on changing as it did.
             self%guess(:, p) = x
             if (any(self%last_increment(2:3, p) /= 0.0_wp)) self%guess(2:3, p) = 2.0_wp*x(2:3) - self%last_increment(2:3, p)
@@ -778,12 +787,14 @@ contains
       end do
    end subroutine present
 
-   !> Bring the forces of all points and the gaps of those outside up to the state's driver.
+   !> Bring the forces of all points, the gaps of those outside, and the slip of those without friction up to the state's
+   !> driver.
    subroutine complete(self, problem, state)
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(inout) :: state
-      real(wp), allocatable :: force(:, :), gap(:)
+      real(wp), allocatable :: force(:, :), gap(:), whole_gap(:, :)
+      integer, allocatable :: free(:)
       integer :: j, n
 
       n = size(self%base%inside)
@@ -798,6 +809,10 @@ contains
       state%gap(1, self%base%outside) = gap
       self%lookout%margin(n + 1:) = gap
       self%lookout%used(n + 1:) = 0.0_wp
+      free = pack(self%base%inside, problem%friction(self%base%inside) <= 0.0_wp)
+      if (size(free) == 0) return
+      whole_gap = gap_of(problem, state%q, state%force)
+      state%gap(2:3, free) = whole_gap(2:3, free)
    end subroutine complete
 
 end module microslip_contact_condensed

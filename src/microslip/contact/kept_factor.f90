@@ -1,7 +1,8 @@
 !> The Jacobian of the contact laws on the moving points, inverted once and kept while the points change.
 !>
-!> Unknowns: two slips of a slipping point, three increments of an open one. With w = force_t - k slip,
-!> direction = w/|w| and rim = beta (I - direction direction^T), beta = mu force_n/|w| (at most 1):
+!> Unknowns: two slips of a slipping point, three increments of an open one, or the normal one alone where there is no
+!> friction. With w = force_t - k slip, direction = w/|w| and rim = beta (I - direction direction^T),
+!> beta = mu force_n/|w| (at most 1):
 !>     slipping   J = M_t - rim M_t - mu direction M_n + k rim        open   J = M
 !> An inverse in single precision is enough: the residual, in double, decides; and a product with it, unlike two
 !> triangular solves, runs at the speed of memory. Unknowns that came or went since border it (their Schur
@@ -83,7 +84,7 @@ contains
             n = n + 2
          else if (block%status(a) == state_open) then
             list(n + 1:n + 3) = kinds*(a - 1) + [3, 4, 5]
-            n = n + 3
+            n = n + merge(3, 1, block%friction(a) > 0.0_wp)
          end if
       end do
       codes = list(:n)
@@ -144,7 +145,7 @@ contains
       integer, intent(in) :: rows(:), columns(:)
       real(real32), allocatable, intent(inout) :: J(:, :)
       real(wp) :: tangential(2), along, factor
-      integer :: i, k, a, b, r
+      integer :: i, k, a, b, r, n
 
       if (allocated(J)) then
          if (any(shape(J) /= [size(rows), size(columns)])) deallocate (J)
@@ -186,8 +187,10 @@ contains
                J(i:i + 1, k) = real(tangential, real32)
                i = i + 2
             case (3)
-               J(i:i + 2, k) = real(M(r:r + 2), real32)
-               i = i + 3
+               ! Without friction the normal increment is alone.
+               n = merge(3, 1, block%friction(a) > 0.0_wp)
+               J(i:i + n - 1, k) = real(M(r:r + n - 1), real32)
+               i = i + n
             end select
          end do
       end subroutine fill_column

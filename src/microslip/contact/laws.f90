@@ -11,7 +11,7 @@ module microslip_contact_laws
    private
 
    public :: state_open, state_stick, state_slip
-   public :: project_on_disk, classify, law_residual
+   public :: project_on_disk, classify, law_residual, state_at_rest
 
    !> Contact states of a point.
    integer, parameter :: state_open = 0, state_stick = 1, state_slip = 2
@@ -32,6 +32,14 @@ contains
       if (length > radius) projected = force*(radius/length)
    end function project_on_disk
 
+   !> State of a closed point that has not been found to slip: without friction nothing holds it, and it slips.
+   elemental integer function state_at_rest(friction)
+      !> Friction coefficient
+      real(wp), intent(in) :: friction
+
+      state_at_rest = merge(state_stick, state_slip, friction > 0.0_wp)
+   end function state_at_rest
+
    !> Contact state that the augmented forces force - stiffness * (gap, slip) select.
    pure integer function classify(force, gap, slip, stiffness_n, stiffness_t, friction)
       !> (3) N
@@ -50,7 +58,7 @@ contains
       if (augmented <= 0.0_wp) then
          classify = state_open
       else if (norm2(force(2:3) - stiffness_t*slip) <= friction*augmented) then
-         classify = state_stick
+         classify = state_at_rest(friction)
       else
          classify = state_slip
       end if

@@ -1,6 +1,7 @@
 !> Which points need a look: a bound on how far a margin may have shrunk since it was last known.
 !>
-!> A margin is what a sticking point has left to its cone, mu force_n - |force_t|, or the gap of an open point.
+!> A margin is what a sticking point has left to its cone, mu force_n - |force_t|, or the gap of an open point. A closed
+!> point without friction has its normal force left, force_n.
 !> In a step it shrinks by no more than
 !>     slope |D^-1 dq|  +  sum over tiles of influence_n |x_n,tile| + influence_t |x_t,tile|
 !> (Cauchy-Schwarz): D weighs the drivers by how far they move in a step and how much they matter - the bound is
@@ -14,7 +15,7 @@ module microslip_contact_lookout
    implicit none(type, external)
    private
 
-   public :: lookout_t
+   public :: lookout_t, margin_of
 
    !> Base points in a tile.
    integer, parameter :: tile_size = 4
@@ -35,6 +36,22 @@ module microslip_contact_lookout
    end type lookout_t
 
 contains
+
+   !> Margin of a closed point that does not move, N.
+   pure real(wp) function margin_of(force, friction)
+      !> (3) N
+      real(wp), intent(in) :: force(3)
+      real(wp), intent(in) :: friction
+
+      margin_of = normal_share(friction)*force(1) - norm2(force(2:3))
+   end function margin_of
+
+   !> Weight of the normal force in the margin.
+   pure real(wp) function normal_share(friction)
+      real(wp), intent(in) :: friction
+
+      normal_share = merge(friction, 1.0_wp, friction > 0.0_wp)
+   end function normal_share
 
    !> Bounds for a new base set.
    subroutine survey(self, problem, base)
@@ -58,7 +75,7 @@ contains
          do j = 1, n
             do k = 1, 3
                effect(k) = norm2([norm2(base%M(first + k - 1:last:3, 3*j - 1)), norm2(base%M(first + k - 1:last:3, 3*j))]) &
-                  & + problem%friction(base%inside(j))*norm2(base%M(first + k - 1:last:3, 3*j - 2))
+                  & + normal_share(problem%friction(base%inside(j)))*norm2(base%M(first + k - 1:last:3, 3*j - 2))
             end do
             self%influence_n(j, t) = effect(1)
             self%influence_t(j, t) = norm2(effect(2:3))
@@ -94,7 +111,7 @@ contains
       allocate (self%slope(n + m))
       do j = 1, n
          self%slope(j) = norm2([norm2(base%slope(:, 3*j - 1)*self%weight), norm2(base%slope(:, 3*j)*self%weight)]) &
-            & + problem%friction(base%inside(j))*norm2(base%slope(:, 3*j - 2)*self%weight)
+            & + normal_share(problem%friction(base%inside(j)))*norm2(base%slope(:, 3*j - 2)*self%weight)
       end do
       do j = 1, m
          self%slope(n + j) = norm2(base%slope_outside(:, j)*self%weight)

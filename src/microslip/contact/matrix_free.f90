@@ -1,13 +1,13 @@
 !> The contact solver for grids whose compliance matrix does not fit: forces as unknowns, G as an operator.
 !>
-!> Stick predictor: with all closed points stuck, forces and gaps follow the drivers, S = -G_AA^-1 R_A and N = R + G S,
-!> solved for once per driver, so that a stuck step is two small products. Where the laws do not hold then: semismooth
-!> Newton (Alart-Curnier) on all points, one Krylov solution of the `closed_system_t` per step. If Newton cycles,
-!> the closed set is found with all points held, or the step is approached in parts, each the start of the next; friction
-!> remembers the state before the step all the way.
+!> Stick predictor: with all closed points stuck (those without friction slide freely), forces and gaps follow the
+!> drivers, S = -G_AA^-1 R_A and N = R + G S, solved for once per driver, so that a stuck step is two small products.
+!> Where the laws do not hold then: semismooth Newton (Alart-Curnier) on all points, one Krylov solution of the
+!> `closed_system_t` per step. If Newton cycles, the closed set is found with all points held, or the step is approached
+!> in parts, each the start of the next; friction remembers the state before the step all the way.
 module microslip_contact_matrix_free
-   use microslip_contact_closed_system, only: closed_system_t
-   use microslip_contact_laws, only: classify, law_residual, state_open, state_stick, state_slip
+   use microslip_contact_closed_system, only: closed_system_t, state_frictionless
+   use microslip_contact_laws, only: classify, law_residual, state_at_rest, state_open, state_stick, state_slip
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, gap_of, &
       & book_step
    use microslip_core_error, only: error_t, failure
@@ -81,7 +81,7 @@ contains
       end if
       states = merge(state_stick, state_open, state%status /= state_open)
       if (allocated(self%expected_closed)) where (self%expected_closed) states = state_stick
-      call self%system%set_up(problem%compliance, problem%friction, states)
+      call self%system%set_up(problem%compliance, problem%friction, system_states(problem, states))
       if (allocated(self%S)) deallocate (self%S, self%N)
       if (any(states == state_stick)) then
          call self%system%learn(problem%compliance, error)
@@ -94,6 +94,16 @@ contains
       if (allocated(self%force_beyond)) deallocate (self%force_beyond, self%gap_beyond)
       self%steps_since_refresh = 0
    end subroutine start
+
+   !> States of the linear system: closed points without friction have no tangential unknowns, whatever they do.
+   pure function system_states(problem, status) result(states)
+      type(contact_problem_t), intent(in) :: problem
+      !> (points) contact states
+      integer, intent(in) :: status(:)
+      integer :: states(size(status))
+
+      states = merge(state_frictionless, status, status /= state_open .and. problem%friction <= 0.0_wp)
+   end function system_states
 
    !> S and N, driver by driver.
    subroutine solve_stuck_response(self, problem, error)
@@ -296,8 +306,8 @@ contains
          call judge(self, problem, state, trial)
          if (holding) then
             ! Closed points have no gap by construction: what the Krylov method left of it must not open them.
-            trial%status = merge(state_stick, state_open, merge(trial%force(1, :) > 0.0_wp, trial%status /= state_open, &
-               & self%system%states /= state_open))
+            trial%status = merge(state_at_rest(problem%friction), state_open, merge(trial%force(1, :) > 0.0_wp, &
+               & trial%status /= state_open, self%system%states /= state_open))
             settled = merge(settled + 1, 0, all(trial%status == before))
             holding = settled < settled_enough
             if (.not. holding) call judge(self, problem, state, trial)
@@ -346,11 +356,13 @@ contains
       real(wp) :: gap(3), w(2), stiffness, limit, length, across(2)
       integer :: p
 
-      self%system%states = trial%status
+      self%system%states = system_states(problem, trial%status)
       do p = 1, problem%n_points
-         if (trial%status(p) == state_open) then
+         if (self%system%states(p) == state_open) then
             trial%force(:, p) = 0.0_wp
-         else if (trial%status(p) == state_slip) then
+         else if (self%system%states(p) == state_frictionless) then
+            trial%force(2:3, p) = 0.0_wp
+         else if (self%system%states(p) == state_slip) then
             stiffness = minval(self%system%stiffness(2:3, p))
             gap = increment(problem, state, trial, p)
             w = trial%force(2:3, p) - stiffness*gap(2:3)

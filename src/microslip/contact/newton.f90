@@ -234,13 +234,14 @@ contains
       !> Column of the point's normal force
       integer, intent(in) :: place
       real(wp), intent(inout) :: rows(:, :), rhs(:)
-      real(wp) :: z(3), e(2), B(2, 2), T(2, 3), open_change(3)
+      real(wp) :: z(3), e(2), length, B(2, 2), T(2, 3), open_change(3)
       integer :: c
 
       z = force - augmentation
-      e = z(2:3)/norm2(z(2:3))
-      B(:, 1) = friction*z(1)/norm2(z(2:3))*[1.0_wp - e(1)**2, -e(1)*e(2)]
-      B(:, 2) = friction*z(1)/norm2(z(2:3))*[-e(1)*e(2), 1.0_wp - e(2)**2]
+      length = max(norm2(z(2:3)), tiny(1.0_wp))   ! zero only without friction
+      e = z(2:3)/length
+      B(:, 1) = friction*z(1)/length*[1.0_wp - e(1)**2, -e(1)*e(2)]
+      B(:, 2) = friction*z(1)/length*[-e(1)*e(2), 1.0_wp - e(2)**2]
       T(:, 1) = friction*e
       T(:, 2:3) = B
       do c = 1, size(rows, 2)
