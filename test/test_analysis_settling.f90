@@ -7,6 +7,7 @@ module test_analysis_settling
    use microslip_contact_laws, only: state_open
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
+   use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_system_jointed_system, only: jointed_system_t
@@ -66,9 +67,11 @@ contains
       type(settling_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: lib
       type(history_t) :: history
+      type(stopwatch_t) :: clock
 
+      call clock%start()
       allocate (history%samples(0), history%snapshots(0), history%windows(0))
-      call run_settling(system, state, options, contact, history, record, lib)
+      call run_settling(system, state, options, contact, history, clock, record, lib)
    end subroutine settle
 
    !> Largest of some numbers that are not NaN; zero if there is none.

@@ -97,7 +97,7 @@ module microslip_analysis_settling
 contains
 
    !> Run the impacts; the state becomes the equilibrium that they end in.
-   subroutine run_settling(system, state, options, contact_options, onward, record, error)
+   subroutine run_settling(system, state, options, contact_options, onward, clock, record, error)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       !> Equilibrium to start from, equilibrium in the end
@@ -106,10 +106,11 @@ contains
       type(contact_options_t), intent(in) :: contact_options
       !> Who takes the time series
       class(transient_recorder_t), intent(inout), target :: onward
+      !> Running; the time integration books its stages
+      type(stopwatch_t), intent(inout) :: clock
       type(settling_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
       type(settling_recorder_t) :: recorder
-      type(stopwatch_t) :: clock
       logical, allocatable :: before(:)
 
       if (options%periods*options%period > options%interval - options%duration) then
@@ -122,7 +123,6 @@ contains
       allocate (recorder%after(0:size(options%amplitude)))
       call begin(recorder, system, state)
       before = potential_points(system)
-      call clock%start()
       call run_transient(system, state, transient_of(options), contact_options, recorder, clock, record%transient, error)
       allocate (record%after(0:recorder%impacts))
       record%after = recorder%after(:recorder%impacts)

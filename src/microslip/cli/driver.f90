@@ -488,14 +488,14 @@ contains
       keeper%origin = run%state%modal
       call series%line%start('settling', size(options%amplitude)*options%interval, line%quiet)
       if (run%case%settling%ringdown) then
-         call run_settling(run%system, run%state, options, contact_options(run), keeper, record, error)
+         call run_settling(run%system, run%state, options, contact_options(run), keeper, run%clock, record, error)
       else
-         call run_settling(run%system, run%state, options, contact_options(run), series, record, error)
+         call run_settling(run%system, run%state, options, contact_options(run), series, run%clock, record, error)
       end if
+      call run%clock%stop('settling')
       call series%write_summary(record%transient, ignored)
       call series%close(ignored)
       if (record%transient%points_added > 0 .and. .not. allocated(ignored)) call write_system(run, ignored)
-      call run%clock%stop('settling')
       if (allocated(error)) return
       if (allocated(ignored)) call move_alloc(ignored, error)
       associate (last => ubound(record%after, 1))
