@@ -20,6 +20,10 @@ module support_stress_dynamics
 
    public :: motion_scene_t, motion_scenes, judge_motion
 
+   !> s, length of the impact; index of its load.
+   real(wp), parameter :: pulse = 5.0e-4_wp
+   integer, parameter :: impact_load = 3
+
    type :: motion_scene_t
       character(len=:), allocatable :: name
       !> Time step over the stability limit
@@ -38,9 +42,6 @@ module support_stress_dynamics
       real(wp) :: allowed = 0.05_wp
    end type motion_scene_t
 
-   !> s, length of the impact; index of its load.
-   real(wp), parameter :: pulse = 5.0e-4_wp
-   integer, parameter :: impact_load = 3
    !> Friction that never lets go.
    real(wp), parameter :: sticky = 1.0e3_wp
 
@@ -61,6 +62,7 @@ contains
       scenes(5)%name = 'thrown together from afar'
       scenes(5)%interface_force = 0.0_wp
       scenes(5)%apart = 2.0e-6_wp
+      scenes(5:6)%amplitude = 6.4e5_wp
       scenes(6)%name = 'thrown together, step 1e-2'
       scenes(6)%interface_force = 0.0_wp
       scenes(6)%apart = 2.0e-6_wp

@@ -178,7 +178,7 @@ def _damage(file, name, rng):
         else:
             item.attrs[key] = rng.choice(("", "mm", "km", "x" * 500, 0, 2, 1e300, [1, 2], "nm", np.bytes_("m"), h5py.Empty("f8")))
     elif isinstance(item, h5py.Dataset) and item.ndim:
-        shape = tuple(rng.choice((n, n, 2**31, 10**6)) for n in item.shape)
+        shape = tuple(rng.choice((n, n, 2**31, 10**6)) or 1 for n in item.shape)
         type_ = item.dtype
         del file[name]
-        file.create_dataset(name, shape, type_, chunks=tuple(max(1, min(n, 10)) for n in shape))
+        file.create_dataset(name, shape, type_, chunks=tuple(min(n, 10) for n in shape))
