@@ -55,7 +55,7 @@ contains
       type(transient_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: lib
       type(reduced_model_t) :: reduced
-      type(results_t) :: results
+      type(results_t), target :: results
       type(transient_results_t) :: recorder
       type(transient_options_t) :: options
       type(linear_modes_t) :: modes
@@ -298,7 +298,7 @@ contains
       type(testing_error), allocatable, intent(out) :: error
       type(reduced_model_t) :: reduced
       type(jointed_system_t) :: system
-      type(results_t) :: results
+      type(results_t), target :: results
       type(transient_results_t) :: recorder
       type(sample_t) :: samples(3)
       type(hdf5_file_t) :: file

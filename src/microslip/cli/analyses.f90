@@ -1,11 +1,13 @@
 !> The analyses of a case, in the order asked for: the one place that knows them by name, and the place to add one.
 module microslip_cli_analyses
    use microslip_cli_periodic_analyses, only: harmonic_balance, epmc
+   use microslip_cli_restart, only: keep_run
    use microslip_cli_run, only: run_t
    use microslip_cli_static_analyses, only: preload, linear_modes, qsma
    use microslip_cli_time_analyses, only: transient, settling, ringdown
    use microslip_contact_problem, only: new_state
    use microslip_core_error, only: error_t
+   use microslip_core_interruption, only: stop_requested
    use microslip_core_kinds, only: wp
    implicit none(type, external)
    private
@@ -14,17 +16,21 @@ module microslip_cli_analyses
 
 contains
 
-   !> The analyses in the order asked for.
+   !> The analyses in the order asked for, but those that an interrupted run has finished.
    subroutine analyse(run, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      ! Without a preload analyses start from the unloaded structure.
-      allocate (run%state%modal(run%system%n_modes), source=0.0_wp)
-      allocate (run%state%amplitude(run%system%n_loads), source=0.0_wp)
-      run%state%contact = new_state(run%system%problem)
-      do k = 1, size(run%case%analyses)
+      if (.not. allocated(run%checkpoint%run)) then
+         ! Without a preload analyses start from the unloaded structure.
+         allocate (run%state%modal(run%system%n_modes), source=0.0_wp)
+         allocate (run%state%amplitude(run%system%n_loads), source=0.0_wp)
+         run%state%contact = new_state(run%system%problem)
+         call keep_run(run, 0, error)
+         if (allocated(error)) return
+      end if
+      do k = run%checkpoint%analyses + 1, size(run%case%analyses)
          select case (trim(run%case%analyses(k)))
          case ('preload'); call preload(run, error)
          case ('linear_modes'); call linear_modes(run, error)
@@ -35,6 +41,8 @@ contains
          case ('epmc'); call epmc(run, error)
          case ('settling'); call settling(run, error)
          end select
+         if (.not. allocated(error) .and. k < size(run%case%analyses)) call keep_run(run, k, error)
+         if (.not. allocated(error) .and. k < size(run%case%analyses)) call stop_requested(error)
          if (allocated(error)) return
       end do
    end subroutine analyse

@@ -3,15 +3,18 @@ module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
+   use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
    use microslip_cli_scene_report, only: report_scene
    use microslip_cli_set_up, only: reduce_model, build_system
    use microslip_core_error, only: error_t
+   use microslip_core_interruption, only: release_signals, status_of_signal
    use microslip_core_version, only: program_version
    use microslip_fe_model, only: fe_model_t
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
+   use microslip_io_checkpoint, only: end_checkpoints
    use microslip_io_model_file, only: write_model_hdf5
    implicit none(type, external)
    private
@@ -20,7 +23,7 @@ module microslip_cli_driver
 
 contains
 
-   !> Run all cases; a case that fails does not keep the others from running.
+   !> Run all cases; a case that fails does not keep the others from running, a signal does.
    subroutine run_cases(line, error)
       type(command_line_t), intent(in) :: line
       !> All failures, with the highest exit status
@@ -42,6 +45,7 @@ contains
          else
             call move_alloc(one, error)
          end if
+         if (error%status > status_of_signal) return
       end do
    end subroutine run_cases
 
@@ -69,7 +73,7 @@ contains
       !> The command line as text, for the record
       character(len=*), intent(in) :: command
       type(error_t), allocatable, intent(out) :: error
-      type(run_t) :: run
+      type(run_t), target :: run
       type(fe_model_t) :: model
 
       run%log = log_t(quiet=line%quiet, verbose=line%verbose)
@@ -93,26 +97,53 @@ contains
 
    !> Everything after the input is known to be right.
    subroutine compute(run, line, command, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(command_line_t), intent(in) :: line
       character(len=*), intent(in) :: command
       type(error_t), allocatable, intent(out) :: error
-      type(error_t), allocatable :: ignored
+      logical :: finished
 
+      call open_results(run, output_path(run%case, line), line%restart, thread_count(), finished, error)
+      if (allocated(error)) return
+      if (finished) then
+         call run%log%line('restart: '//output_path(run%case, line)//' is complete, nothing is left to be done')
+         return
+      end if
       call reduce_model(run, error)
-      if (allocated(error)) return
-      call run%results%create(output_path(run%case, line), error)
-      if (allocated(error)) return
-      call run%results%write_provenance(program_version, commit(), command, thread_count(), error)
-      if (.not. allocated(error)) call run%results%write_setup(run%case%text, resolved_text(run%case), error)
+      if (allocated(error)) then
+         call run%results%discard()
+         return
+      end if
+      if (.not. allocated(run%checkpoint%digest)) then
+         call run%results%write_provenance(program_version, commit(), command, thread_count(), error)
+         if (.not. allocated(error)) call run%results%write_setup(run%case%text, resolved_text(run%case), error)
+      end if
       if (.not. allocated(error)) call build_system(run, error)
       if (.not. allocated(error)) call analyse(run, error)
+      if (.not. allocated(error)) call end_checkpoints(run%results, error)
+      call finish(run, output_path(run%case, line), error)
+   end subroutine compute
+
+   !> Close the result file and say how it went.
+   subroutine finish(run, path, error)
+      type(run_t), intent(inout) :: run
+      !> Result file
+      character(len=*), intent(in) :: path
+      !> Of the analyses on entry
+      type(error_t), allocatable, intent(inout) :: error
+      type(error_t), allocatable :: ignored
+
+      call release_signals()
       call run%results%write_timing(run%clock%stage, run%clock%seconds, run%clock%count, ignored)
       call run%results%close(ignored)
       call run%log%timing(run%clock)
       if (.not. allocated(error) .and. allocated(ignored)) call move_alloc(ignored, error)
-      if (.not. allocated(error)) call run%log%line('results in '//output_path(run%case, line))
-   end subroutine compute
+      if (.not. allocated(error)) then
+         call run%log%line('results in '//path)
+      else if (error%status > status_of_signal) then
+         error%message = run%case%path//': '//error%message//'; '//path//' has the results up to here, --restart goes on'
+      end if
+   end subroutine finish
 
    !> Where the results go.
    function output_path(case, line) result(path)

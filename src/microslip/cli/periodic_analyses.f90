@@ -35,7 +35,7 @@ contains
          options%frequency_step = max(0.02_wp*abs(record%frequency_range(2) - record%frequency_range(1)), tiny(1.0_wp))
          if (allocated(record%frequency_step)) options%frequency_step = record%frequency_step
       end associate
-      call recorder%create(run%results%file, 'harmonic_balance', sensor_names(run), run%system%n_modes, options%harmonics, error)
+      call recorder%create(run%results, 'harmonic_balance', sensor_names(run), run%system%n_modes, options%harmonics, error)
       if (allocated(error)) return
       call run_harmonic_balance(run%system, run%state, options, contact_options(run), recorder, records, error)
       call finish_response(run, 'harmonic balance', recorder, records, error)
@@ -63,7 +63,7 @@ contains
          options%tolerance = chosen%tolerance
          options%max_points = chosen%max_points
       end associate
-      call recorder%create(run%results%file, 'epmc', sensor_names(run), run%system%n_modes, options%harmonics, error)
+      call recorder%create(run%results, 'epmc', sensor_names(run), run%system%n_modes, options%harmonics, error)
       if (allocated(error)) return
       call run_epmc(run%system, run%state, options, contact_options(run), recorder, record, error)
       call finish_response(run, 'epmc', recorder, [record], error)

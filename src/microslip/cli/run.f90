@@ -4,7 +4,6 @@ module microslip_cli_run
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: preload_options_t
-   use microslip_analysis_ringdown, only: decay_t
    use microslip_cli_log, only: log_t, listed
    use microslip_cli_scene, only: scene_t
    use microslip_contact_factory, only: contact_options_t
@@ -14,6 +13,7 @@ module microslip_cli_run
    use microslip_core_text, only: to_text
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_case, only: case_t
+   use microslip_io_checkpoint, only: checkpoint_t
    use microslip_io_results, only: results_t
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
@@ -30,9 +30,9 @@ module microslip_cli_run
       type(jointed_system_t) :: system
       type(operating_state_t) :: state
       type(linear_modes_t) :: modes
-      !> What the time integration leaves for the identification of the ring-down
-      type(decay_t) :: decay
       type(results_t) :: results
+      !> What an interrupted run left behind; nothing in it otherwise
+      type(checkpoint_t) :: checkpoint
       type(stopwatch_t) :: clock
       type(log_t) :: log
    end type run_t

@@ -1,6 +1,7 @@
 !> From the scene to the system that the analyses see: reduction, potential contact set, contact matrices.
 module microslip_cli_set_up
    use microslip_analysis_potential_set, only: choose_potential_set
+   use microslip_cli_restart, only: take_run_back
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
    use microslip_cli_scene_report, only: expected_unknowns
    use microslip_core_error, only: error_t
@@ -54,7 +55,7 @@ contains
       call run%log%detail('tied frequencies, Hz:', run%reduced%frequency)
    end subroutine reduce_model
 
-   !> The system on its potential contact set.
+   !> The system on its potential contact set; that of an interrupted run is as it was.
    subroutine build_system(run, error)
       type(run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
@@ -68,7 +69,9 @@ contains
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
       if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
       everything = run%case%interfaces%potential == 'all'
-      if (all(everything) .or. .not. run%case%runs('preload')) then
+      if (allocated(run%checkpoint%run)) then
+         call take_run_back(run, error)
+      else if (all(everything) .or. .not. run%case%runs('preload')) then
          call run%system%restrict(spread(.true., 1, run%system%grid_point_count()), error)
       else
          allocate (margin(size(everything)), source=-1.0_wp)
@@ -82,7 +85,7 @@ contains
       call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
          & //to_text(run%system%grid_point_count())//' grid points in potential contact; compliance: ' &
          & //why_form(allocated(run%system%problem%compliance), 3*run%system%problem%n_points))
-      call write_system(run, error)
+      if (.not. allocated(run%checkpoint%run)) call write_system(run, error)
       call run%clock%stop('write')
    end subroutine build_system
 

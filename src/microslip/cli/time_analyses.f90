@@ -1,6 +1,5 @@
 !> Analyses by time integration: transient, settling, and the modal parameters of a ring-down.
 module microslip_cli_time_analyses
-   use microslip_analysis_decay_recorder, only: decay_recorder_t
    use microslip_analysis_excitation, only: end_of_all
    use microslip_analysis_potential_set, only: potential_points, carry_over
    use microslip_analysis_ringdown, only: decay_t, ringdown_options_t, ringdown_t, identify_ringdown
@@ -13,6 +12,7 @@ module microslip_cli_time_analyses
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_io_decay_series, only: read_decay
    use microslip_io_modal_results, only: write_ringdown
    use microslip_io_settling_results, only: write_settling
    use microslip_io_transient_results, only: transient_results_t
@@ -25,36 +25,26 @@ contains
 
    !> Time integration.
    subroutine transient(run, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(error_t), allocatable, intent(out) :: error
       type(transient_options_t) :: options
-      type(transient_results_t), target :: recorder
-      type(decay_recorder_t) :: keeper
+      type(transient_results_t) :: recorder
       type(transient_record_t) :: record
       type(error_t), allocatable :: ignored
       logical, allocatable :: before(:)
+      integer, allocatable :: point(:)
 
       call add_modal_loads(run, error)
       if (.not. allocated(error)) call settle_damping(run, error)
       if (allocated(error)) return
       options = transient_options(run)
-      call recorder%create(run%results, run%system, sensor_names(run), error)
+      call move_alloc(run%checkpoint%point, point)
+      call recorder%create(run%results, run%system, sensor_names(run), error, resuming=allocated(point))
       if (allocated(error)) return
       call recorder%line%start('transient', merge(options%duration, end_of_all(options%excitations), &
          & options%duration > 0.0_wp), run%log%quiet)
       before = potential_points(run%system)
-      if (run%case%runs('ringdown')) then
-         keeper%onward => recorder
-         if (allocated(run%case%ringdown%mode)) then
-            call shape_of_mode(run, 'ringdown', run%case%ringdown%mode, keeper%phi, error)
-            if (allocated(error)) return
-            keeper%origin = run%state%modal
-         end if
-         call run_transient(run%system, run%state, options, contact_options(run), keeper, run%clock, record, error)
-         run%decay = keeper%decay()
-      else
-         call run_transient(run%system, run%state, options, contact_options(run), recorder, run%clock, record, error)
-      end if
+      call run_transient(run%system, run%state, options, contact_options(run), recorder, run%clock, record, error, point)
       call run%clock%stop(merge('transient', 'write    ', allocated(error)))
       call recorder%write_summary(record, ignored)
       call recorder%close(ignored)
@@ -83,6 +73,7 @@ contains
          if (allocated(record%time_step)) options%time_step = record%time_step
       end associate
       options%stride = run%case%output%stride
+      options%restart_stride = run%case%output%checkpoint_steps
       if (allocated(run%case%output%snapshots)) options%snapshots = run%case%output%snapshots
       options%excitations = excitations_of(run%case, run%scene)
       options%meter = meter_of(run%case)
@@ -90,28 +81,25 @@ contains
 
    !> Impact sequence; the state becomes the equilibrium that it ends in.
    subroutine settling(run, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(error_t), allocatable, intent(out) :: error
       type(settling_options_t) :: options
       type(settling_record_t) :: record
-      type(transient_results_t), target :: series
-      type(decay_recorder_t), target :: keeper
+      type(transient_results_t) :: series
       type(error_t), allocatable :: ignored
+      real(wp), allocatable :: phi(:)
+      integer, allocatable :: point(:)
 
       call add_modal_loads(run, error)
       if (.not. allocated(error)) call settle_damping(run, error)
-      if (.not. allocated(error)) call shape_of_mode(run, 'settling', run%case%settling%mode, keeper%phi, error)
-      if (.not. allocated(error)) call series%create(run%results, run%system, sensor_names(run), error, '/settling')
+      if (.not. allocated(error)) call shape_of_mode(run, 'settling', run%case%settling%mode, phi, error)
+      call move_alloc(run%checkpoint%point, point)
+      if (.not. allocated(error)) call series%create(run%results, run%system, sensor_names(run), error, '/settling', &
+         & allocated(point))
       if (allocated(error)) return
       options = settling_options(run)
-      keeper%onward => series
-      keeper%origin = run%state%modal
       call series%line%start('settling', size(options%amplitude)*options%interval, run%log%quiet)
-      if (run%case%settling%ringdown) then
-         call run_settling(run%system, run%state, options, contact_options(run), keeper, run%clock, record, error)
-      else
-         call run_settling(run%system, run%state, options, contact_options(run), series, run%clock, record, error)
-      end if
+      call run_settling(run%system, run%state, options, contact_options(run), series, run%clock, record, error, point)
       call run%clock%stop('settling')
       call series%write_summary(record%transient, ignored)
       call series%close(ignored)
@@ -124,7 +112,7 @@ contains
             & //'; energy balance error '//to_text(record%transient%balance_error, 2)//' of the largest kinetic energy')
       end associate
       if (.not. allocated(error)) call write_settling(run%results%file, run%system, options%amplitude, record, run%state, error)
-      if (.not. allocated(error) .and. run%case%settling%ringdown) call identify_decays(run, options, keeper%decay(), error)
+      if (.not. allocated(error) .and. run%case%settling%ringdown) call identify_decays(run, options, phi, error)
       call run%clock%stop('write')
    end subroutine settling
 
@@ -144,21 +132,24 @@ contains
          options%time_step = record%safety/run%system%highest_angular_frequency()
          if (allocated(record%time_step)) options%time_step = record%time_step
          options%stride = run%case%output%stride
+         options%restart_stride = run%case%output%checkpoint_steps
       end associate
    end function settling_options
 
    !> Modal parameters from the free decay after every impact.
-   subroutine identify_decays(run, options, decay, error)
+   subroutine identify_decays(run, options, phi, error)
       type(run_t), intent(in) :: run
       type(settling_options_t), intent(in) :: options
-      !> Of all impacts
-      type(decay_t), intent(in) :: decay
+      !> (modes) shape of the mode
+      real(wp), intent(in) :: phi(:)
       type(error_t), allocatable, intent(out) :: error
-      type(decay_t) :: part
+      type(decay_t) :: decay, part
       type(ringdown_t) :: found
       integer, allocatable :: samples(:)
       integer :: k, j
 
+      call read_decay(run%results%file, '/settling', decay, error, phi)
+      if (allocated(error)) return
       do k = 1, size(options%amplitude)
          samples = pack([(j, j=1, size(decay%time))], decay%time >= (k - 1)*options%interval + options%duration &
             & .and. decay%time < k*options%interval)
@@ -185,6 +176,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(ringdown_options_t) :: options
       type(ringdown_t) :: found
+      type(decay_t) :: decay
+      real(wp), allocatable :: phi(:)
 
       associate (record => run%case%ringdown)
          options%periods = record%periods
@@ -194,7 +187,9 @@ contains
          if (allocated(record%start)) options%start = record%start
          if (allocated(record%mode)) options%frequency = run%modes%frequency(record%mode)
       end associate
-      call identify_ringdown(run%decay, options, found, error)
+      if (allocated(run%case%ringdown%mode)) call shape_of_mode(run, 'ringdown', run%case%ringdown%mode, phi, error)
+      if (.not. allocated(error)) call read_decay(run%results%file, '/transient', decay, error, phi)
+      if (.not. allocated(error)) call identify_ringdown(decay, options, found, error)
       call run%clock%stop('ringdown')
       if (allocated(error)) return
       associate (last => size(found%time))

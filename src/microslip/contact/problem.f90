@@ -6,6 +6,7 @@
 !> Solvers advance the state from one q to the next; they know nothing of structures or time.
 module microslip_contact_problem
    use microslip_contact_compliance_operator, only: contact_compliance_t
+   use microslip_core_archive, only: archive_t
    use microslip_core_kinds, only: wp
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    implicit none(type, external)
@@ -46,6 +47,8 @@ module microslip_contact_problem
       real(wp), allocatable :: gap(:, :)
       !> (points) state_open, state_stick or state_slip
       integer, allocatable :: status(:)
+   contains
+      procedure :: pass => pass_state
    end type contact_state_t
 
    !> How a solve went. An unconverged solve is a result, not an exception.
@@ -70,6 +73,8 @@ module microslip_contact_problem
       real(wp) :: contact_energy = 0.0_wp
       !> Work that friction took in the step, J: the force at its end on the slip
       real(wp) :: friction_loss = 0.0_wp
+   contains
+      procedure :: pass => pass_record
    end type solve_record_t
 
    !> A contact solver: takes the state to a new driver value.
@@ -128,6 +133,38 @@ contains
       state%gap = reshape(problem%r_0, [3, problem%n_points])
       allocate (state%status(problem%n_points), source=state_open)
    end function new_state
+
+   !> Store a state, or take it back.
+   subroutine pass_state(self, archive)
+      class(contact_state_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+
+      call archive%pass(self%q)
+      call archive%pass(self%force)
+      call archive%pass(self%gap)
+      call archive%pass(self%status)
+   end subroutine pass_state
+
+   !> Store how a solve went, or take it back.
+   subroutine pass_record(self, archive)
+      class(solve_record_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+      integer :: k
+
+      call archive%pass(self%converged)
+      call archive%pass(self%iterations)
+      call archive%pass(self%residual)
+      call archive%pass(self%error_estimate)
+      call archive%pass(self%rescues)
+      call archive%pass(self%set_changes)
+      do k = 1, size(self%counts)
+         call archive%pass(self%counts(k))
+      end do
+      call archive%pass(self%reaction)
+      call archive%pass(self%output)
+      call archive%pass(self%contact_energy)
+      call archive%pass(self%friction_loss)
+   end subroutine pass_record
 
    !> gap = r_0 + R q + G force at all points, (3, points).
    function gap_of(problem, q, force) result(gap)

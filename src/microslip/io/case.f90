@@ -292,6 +292,10 @@ module microslip_io_case
       integer :: stride = 1
       !> s
       real(wp), allocatable :: snapshots(:)
+      !> s, wall time from one publication of the result file to the next
+      real(wp) :: checkpoint_interval = 60.0_wp
+      !> Steps of a time integration from one restart point to the next
+      integer :: checkpoint_steps = 50000
    end type output_case_t
 
    !> A whole case.

@@ -134,6 +134,8 @@ contains
       end if
       call keys%integer_key('stride', record%stride, at_least(1))
       call keys%real_list('snapshots', record%snapshots, non_negative)
+      call keys%real_key('checkpoint_interval', record%checkpoint_interval, positive)
+      call keys%integer_key('checkpoint_steps', record%checkpoint_steps, at_least(1))
       call keys%finish()
    end subroutine output_keys
 

@@ -106,7 +106,7 @@ contains
       case ('output')
          if (.not. input%runs('transient')) call group%ignored(['snapshots'], "with 'transient' in the analyses of &case")
          if (.not. (input%runs('transient') .or. input%runs('settling'))) call group%ignored( &
-            ['stride'], "with 'transient' or 'settling' in the analyses of &case")
+            [character(len=16) :: 'stride', 'checkpoint_steps'], "with 'transient' or 'settling' in the analyses of &case")
          if (.not. any([input%runs('transient'), input%runs('qsma'), input%runs('settling'), &
             input%runs('harmonic_balance'), input%runs('epmc')])) &
             call group%ignored([character(len=16) :: 'sensors', 'sensor_direction'], &

@@ -90,6 +90,7 @@ module microslip_io_hdf5
       procedure :: open => open_series
       procedure :: step_count
       procedure :: close => close_series
+      procedure :: read_steps
       generic :: append => append_real_1, append_real_2, append_real_3, append_integer_1, append_integer_2
       procedure, private :: append_real_1, append_real_2, append_real_3, append_integer_1, append_integer_2
    end type series_t
@@ -1241,6 +1242,37 @@ contains
       self%id = -1
       if (status < 0) call failure(error, self%label//'cannot finish writing (disk full?)')
    end subroutine close_series
+
+   !> Read some steps of a series of reals, (numbers of a step, steps).
+   subroutine read_steps(self, first, count, block, error)
+      class(series_t), intent(in) :: self
+      !> The first of them, from 1, and how many
+      integer, intent(in) :: first, count
+      real(wp), allocatable, target, intent(out) :: block(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer(hsize_t) :: counts(size(self%leading) + 1), offset(size(self%leading) + 1)
+      type(c_ptr) :: data
+      integer(hid_t) :: memory, space
+      integer :: status, ignored
+
+      if (self%id < 0 .or. self%holds_integers .or. first < 1 .or. count < 1 .or. first - 1 + count > self%steps) then
+         call failure(error, self%label//'is closed, or has no such steps of reals')
+         return
+      end if
+      allocate (block(int(product(self%leading)), count))
+      if (size(block) == 0) return
+      counts = [self%leading, int(count, hsize_t)]
+      offset = 0
+      offset(size(offset)) = first - 1
+      call h5screate_simple_f(size(counts), counts, memory, ignored)
+      call h5dget_space_f(self%id, space, ignored)
+      call h5sselect_hyperslab_f(space, h5s_select_set_f, offset, counts, ignored)
+      data = c_loc(block)
+      call h5dread_f(self%id, h5t_native_double, data, status, memory, space)
+      call h5sclose_f(space, ignored)
+      call h5sclose_f(memory, ignored)
+      if (status < 0) call failure(error, self%label//'cannot be read')
+   end subroutine read_steps
 
    !> Append steps of a scalar, (steps).
    subroutine append_real_1(self, block, error)
