@@ -1,12 +1,11 @@
 !> Frequency response and nonlinear mode from a case file to the result file: the shipped coarse S4 Beam on a coarser grid
 !> and with fewer modes.
 module test_cli_periodic_motions
-   use microslip_cli_command_line, only: command_line_t, text_t
-   use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t, status_failed
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_hdf5, only: hdf5_file_t
+   use support_case_run, only: changed, file_text, run_case
    use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, testing_error => error_type, unittest_type
    implicit none(type, external)
@@ -32,36 +31,6 @@ contains
          & new_unittest('a curve given up: status 1, its points are kept', test_given_up)]
    end subroutine collect_cli_periodic_motions
 
-   !> Run the shipped case with places changed.
-   subroutine run_changed(old, new, lib)
-      !> Texts that are replaced, everywhere; trailing blanks do not count
-      character(len=*), intent(in) :: old(:), new(:)
-      type(error_t), allocatable, intent(out) :: lib
-      type(command_line_t) :: line
-      character(len=:), allocatable :: text
-      integer :: unit, length, k, at
-
-      open (newunit=unit, file=shipped, access='stream', form='unformatted', status='old', action='read')
-      inquire (unit=unit, size=length)
-      allocate (character(len=length) :: text)
-      read (unit) text
-      close (unit)
-      do k = 1, size(old)
-         do
-            at = index(text, trim(old(k)))
-            if (at == 0) exit
-            text = text(:at - 1)//trim(new(k))//text(at + len_trim(old(k)):)
-         end do
-      end do
-      open (newunit=unit, file=case_path, access='stream', form='unformatted', status='replace')
-      write (unit) text
-      close (unit)
-      line%cases = [text_t(case_path)]
-      line%output = result_path
-      line%quiet = .true.
-      call run_cases(line, lib)
-   end subroutine run_changed
-
    !> The largest response is one of the nonlinear mode, at its frequency, and its damping carries the load:
    !> amplitude times damping does not depend on how the mode is scaled.
    subroutine test_peak(error)
@@ -77,7 +46,7 @@ contains
       real(wp), parameter :: close_by = 5.0e-4_wp
       integer :: k, peak
 
-      call run_changed(old, new, lib)
+      call run_case(changed(file_text(shipped), old, new), case_path, result_path, lib)
       if (.not. allocated(lib)) call file%open(result_path, lib)
       call good(error, lib)
       if (allocated(error)) return
@@ -118,8 +87,9 @@ contains
       real(wp), allocatable :: frequency(:)
       integer, allocatable :: complete(:)
 
-      call run_changed([character(len=48) :: old, 'frequency_range = 205.0, 210.0'], &
-         & [character(len=64) :: new, 'frequency_range = 205, 210, max_points = 3'], lib)
+      call run_case(changed(file_text(shipped), &
+         & [character(len=48) :: old, 'frequency_range = 205.0, 210.0'], &
+         & [character(len=64) :: new, 'frequency_range = 205, 210, max_points = 3']), case_path, result_path, lib)
       call check(error, allocated(lib))
       if (.not. allocated(error)) call check(error, lib%status == status_failed .and. &
          & index(lib%message, 'more points than allowed') > 0, lib%message)
