@@ -176,7 +176,6 @@ contains
       if (.not. allocated(error)) call expect('case.nml --output --check', '--output: a value must follow')
       if (.not. allocated(error)) call expect('a.nml b.nml --output o.h5', '--output: only with one case')
       if (.not. allocated(error)) call expect('a.nml --quiet --verbose', 'exclude one another')
-      if (.not. allocated(error)) call expect('a.nml --restart', '--restart')
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', "'--slow'")
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', 'exclude')
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', "'x'")

@@ -104,7 +104,10 @@ contains
       logical :: finished
 
       call open_results(run, output_path(run%case, line), line%restart, thread_count(), finished, error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         call run%results%discard()
+         return
+      end if
       if (finished) then
          call run%log%line('restart: '//output_path(run%case, line)//' is complete, nothing is left to be done')
          return

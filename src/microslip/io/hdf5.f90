@@ -12,7 +12,8 @@ module microslip_io_hdf5
    use h5ds, only: h5dsattach_scale_f, h5dsis_attached_f, h5dsis_scale_f, h5dsset_scale_f
    use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_space_f, &
       h5aget_type_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, h5dclose_f, h5dcreate_f, h5dget_space_f, &
-      h5dget_type_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dvlen_reclaim_f, h5dwrite_f, h5eset_auto_f, h5fclose_f, &
+      h5dget_type_f, h5dont_atexit_f, h5dopen_f, h5dread_f, h5dset_extent_f, &
+      h5dvlen_reclaim_f, h5dwrite_f, h5eset_auto_f, h5fclose_f, &
       h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5gget_obj_info_idx_f, &
       h5gn_members_f, h5ldelete_f, h5lexists_f, h5open_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
       h5pset_create_inter_group_f, h5pset_deflate_f, h5pset_fclose_degree_f, h5pset_shuffle_f, h5sclose_f, &
@@ -102,6 +103,8 @@ contains
       integer :: status
 
       if (library_is_open) return
+      ! All files are closed by hand; at its end the library would write again what could not be written, and crash.
+      call h5dont_atexit_f(status)
       call h5open_f(status)
       call h5eset_auto_f(0, status)
       library_is_open = .true.

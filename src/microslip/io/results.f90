@@ -44,7 +44,6 @@ module microslip_io_results
       real(wp) :: interval = 60.0_wp
       !> s on the clock
       real(wp), private :: due = huge(1.0_wp)
-      logical, private :: published = .false.
    contains
       procedure :: create
       procedure :: resume
@@ -97,7 +96,7 @@ contains
       if (.not. allocated(error)) call self%file%close(error)
       if (.not. allocated(error)) call copy_file(path, path//unfinished, error)
       if (.not. allocated(error)) call self%file%open(path//unfinished, error, writable=.true.)
-      self%published = .true.
+      if (allocated(error)) call remove_file(path//unfinished)
    end subroutine resume
 
    !> Everything written so far goes into the file that readers see.
@@ -109,7 +108,6 @@ contains
       began = wall_time()
       call self%file%flush(error)
       if (.not. allocated(error)) call copy_file(self%path//unfinished, self%path, error)
-      self%published = self%published .or. .not. allocated(error)
       self%due = wall_time() + max(self%interval, (wall_time() - began)/publishing_share)
    end subroutine publish
 
@@ -136,7 +134,7 @@ contains
       call self%file%close(error)
       if (.not. allocated(error)) then
          call move_file(self%path//unfinished, self%path, error)
-      else if (self%published) then
+      else
          call remove_file(self%path//unfinished)
       end if
    end subroutine close_results
