@@ -168,6 +168,7 @@ contains
       options%time_step = 0.74_wp/system%highest_angular_frequency()
       options%duration = steps*options%time_step
       options%restart_stride = steps/5
+      options%verify_stride = steps/10
       options%stride = 3
       options%excitations = [excitation_t(load=impact_load, kind=kind_half_sine, amplitude=blow, duration=5.0e-4_wp)]
    end subroutine ring_down
