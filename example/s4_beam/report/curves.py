@@ -151,16 +151,16 @@ def response_figure(results, path):
 
 
 def draw_differences(ax, kinds):
-    """From harmonic balance, at the same frequency; the sweep lags behind and is moved until the resonances coincide."""
+    """From harmonic balance: of the stepped sine at the same frequency, of the sweep, which lags behind, at resonance."""
     ax.axhspan(-100.0 * paper.ALIKE, 100.0 * paper.ALIKE, color="#dddddd", label=f"within {100.0 * paper.ALIKE:g} %")
     truth = kinds.get("response")
-    for kind in ("swept", "stepped"):
-        if truth is None or kind not in kinds:
-            continue
-        curve, (label, style) = kinds[kind], RESPONSES[kind]
-        lag = truth.resonance()[0] - curve.resonance()[0] if kind == "swept" else 0.0
-        off = 100.0 * (curve.amplitude / truth.at(curve.shifted + lag) - 1.0)
-        ax.plot(curve.shifted + lag, off, label=f"{label}, moved by {lag:.3f} Hz" if lag else label, **style)
+    if truth and "stepped" in kinds:
+        curve, (label, style) = kinds["stepped"], RESPONSES["stepped"]
+        ax.plot(curve.frequency, 100.0 * (curve.amplitude / truth.at(curve.shifted) - 1.0), label=label, **style)
+    if truth and "swept" in kinds:
+        frequency, amplitude = kinds["swept"].resonance()
+        ax.plot(frequency, 100.0 * (amplitude / truth.resonance()[1] - 1.0), "*", color=ORANGE, markersize=11,
+                markeredgecolor="black", label="swept sine, resonance")
     ax.set(xlabel="frequency of the load, Hz", ylabel="from harmonic balance, %", ylim=(-3.0, 3.0))
     ax.legend(loc="lower left", ncols=3, fontsize=7)
 

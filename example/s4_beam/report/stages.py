@@ -25,15 +25,15 @@ def stages():
     """In the order in which they run: the cheap ones first."""
     only = "'preload', 'linear_modes', "
     shaker, response, mode = "load shaker", "harmonic_balance", "epmc"
-    qsma = {"smallest_amplitude": "1e-7", "largest_amplitude": "4e-4", "levels": "81"}
+    qsma = {"smallest_amplitude": "1e-7", "largest_amplitude": "2.5e-4", "levels": "61"}  # to where gross slip begins
     yield Stage("qsma", "quasi-static modal analysis from the preload", "s4_qsma.nml", {
         "reduction": {"cache": None}, "qsma": qsma})  # so that this one has the time of the reduction
     yield Stage("flat", "quasi-static modal analysis, flat pads, 42 x 26 cells", "s4_qsma.nml", {
         "interface": {"nx": "42", "ny": "26", "topography": None}, "topography": None,
-        "qsma": {**qsma, "levels": "21", "largest_amplitude": "2e-4"}})
+        "qsma": {**qsma, "levels": "21", "largest_amplitude": "1.5e-4"}})
     yield Stage("epmc", "nonlinear mode by harmonic balance (EPMC)", "s4_frf.nml", {
         "case": {"analyses": only + "'epmc'"}, response: None, shaker: None,
-        mode: {"amplitude_range": "1e-7, 2e-4", "points": "30"}})
+        mode: {"amplitude_range": "1e-7, 1.8e-4", "points": "30"}})
     yield Stage("levels", "a low, a medium and a high impact", "s4_settling.nml", {
         "settling": {"amplitude": f"{LOW}, {MEDIUM}, {HIGH}", "interval": "0.6"}})
     yield Stage("ringdown", "two high impacts with 3 s of ring-down each, then quasi-static modal analysis", "s4_settling.nml", {
