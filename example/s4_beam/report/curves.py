@@ -58,9 +58,10 @@ def paper_marks(left, right):
     """What the paper states: less than 1 % up to 0.14 mm, damping that levels out at 0.1 %."""
     x = 1e6 * paper.DROP_AMPLITUDE
     low = left.get_xlim()[0]
-    left.plot([low, x, x], [1.0 - paper.DROP] * 2 + [0.0], color=GREY, linewidth=0.8, linestyle="--", scalex=False, scaley=False)
-    left.annotate(f"paper: above this line up to {x / 1e3:g} mm", (low, 1.0 - paper.DROP), xytext=(6, 3), textcoords="offset points",
-                  fontsize=7, color=GREY)
+    left.plot([low, x, x], [1.0 - paper.DROP] * 2 + [0.0], color=GREY, linewidth=0.8, linestyle="--", scalex=False,
+              scaley=False)
+    left.annotate(f"paper: above this line up to {x / 1e3:g} mm", (low, 1.0 - paper.DROP), xytext=(6, 3),
+                  textcoords="offset points", fontsize=7, color=GREY)
     right.axhline(100.0 * paper.DAMPING, color=GREY, linewidth=0.8, linestyle="--",
                   label=f"paper: levels out at {100.0 * paper.DAMPING:g} %")
 
@@ -77,7 +78,8 @@ def modal_figures(results, folder):
         ("ring-down, settled", settled, paper.LIMITS["ring-down"], {"color": "black", "linestyle": "--"}),
         ("QSMA, settled", results.modal("ringdown", "qsma"), None, {"color": ORANGE, "linestyle": ":"}),
         ("EPMC", results.modal("epmc", "epmc"), paper.LIMITS["EPMC"], {"color": RED, "marker": "x", "linestyle": "none"})]))
-    figures.append(("figure_09.png", 0.6, settled and settled.limit()[0], "The first mode from the ring-downs after impacts of three levels", [
+    caption = "The first mode from the ring-downs after impacts of three levels"
+    figures.append(("figure_09.png", 0.6, settled and settled.limit()[0], caption, [
         ("high impact, settled", settled, None, {"color": "black", "linewidth": 1.0}),
         ("high impact", results.ringdown("levels", 3), None, {"color": RED, "linewidth": 4.0, "alpha": 0.5}),
         ("medium impact", results.ringdown("levels", 2), None, {"color": ORANGE, "linewidth": 2.5}),
@@ -138,13 +140,14 @@ def response_figure(results, path):
         for kind, (label, style) in RESPONSES.items():
             if kind in kinds:
                 amplitude = 1e6 * kinds[kind].resonance()[1]
-                top.plot(kinds[kind].frequency, 1e6 * kinds[kind].amplitude, label=f"{label}: {amplitude:.4g} um at resonance", **style)
+                top.plot(kinds[kind].frequency, 1e6 * kinds[kind].amplitude, **style,
+                         label=f"{label}: {amplitude:.4g} um at resonance")
         limits, peak = top.get_xlim(), max(np.max(curve.amplitude) for curve in kinds.values())
         if backbone:
             top.plot(backbone.frequency, 1e6 * backbone.amplitude, color=GREY, linestyle=":", label="nonlinear mode (EPMC)")
         top.set(ylabel="amplitude at mid-span, um", xlim=limits, ylim=(0.0, 1.3e6 * peak))
         top.set_title(f"({letter}) {level} level", loc="left")
-        top.legend(loc="upper left")
+        top.legend(loc="upper left", frameon=True, framealpha=0.9, edgecolor="none")
         draw_differences(bottom, kinds)
     save(figure, path)
     return True

@@ -27,7 +27,8 @@ def draw(results, walls, folder):
         ("figure_13.png", curves.settling_figure(results, path("figure_13.png")),
          "A sequence of impacts: the sensor, and damping and frequency after each"),
         ("figure_14.png", fields.residual_ratio(results, path("figure_14.png")), "Residual slip ratio (grey: open or moving)"),
-        ("slip.png", fields.slips(results, path("slip.png")), "Largest slip during an impact, and what it leaves behind (section 3.5)"),
+        ("slip.png", fields.slips(results, path("slip.png")),
+         "Largest slip during an impact, and what it leaves behind (section 3.5)"),
         ("figure_16.png", curves.response_figure(results, path("figure_16.png")), "Frequency response, three ways. Below: "
          "differences from harmonic balance, the stepped sine at the same frequency without the leapfrog's known error in frequency, the "
          "sweep, which lags behind, at resonance"),
@@ -49,7 +50,7 @@ def write(folder, model, program, results, stages, rows, walls, pictures, failur
              "Numbers and pictures of arXiv 2603.26446 (Linder, Najera-Flores, Kuether, Krack), and ours, which `scripts/s4_report` read "
              "from the result files. As a table for machines: `comparison.csv`.", "", NOTES, ""]
     lines += table(("figure", "quantity", "unit", "paper", "microslip", "holds"), [
-        (row.figure, row.what, row.unit, shown(row.paper), shown(row.ours), "" if row.holds is None else word(row.holds)) for row in rows])
+        (row.figure, row.what, row.unit, shown(row.paper), shown(row.ours), word(row.holds)) for row in rows])
     for name, caption in pictures:
         title = "Figure " + str(int(name[7:9])) if name.startswith("figure_") else caption.partition(",")[0]
         lines += [f"## {title}", "", caption + ".", "", f"![{title}](pictures/{name})", ""]

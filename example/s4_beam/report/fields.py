@@ -32,8 +32,8 @@ def reach_of(results, name, interface, maps):
 
 
 def draw_maps(results, name, columns, path):
-    """One column of maps per (title, field of an interface, factor, colours, scale label, limit): all interfaces below each other.
-    A limit of None is the largest of the column; below LEAST_RATIO a slip ratio shows nothing."""
+    """One column of maps per (title, field of an interface, factor, colours, scale label, limit): the interfaces below each
+    other. A limit of None is the largest of the column; below LEAST_RATIO a slip ratio shows nothing."""
     interfaces = results.interfaces(name)
     every = [[factor * make(interface) for interface in interfaces] for _, make, factor, _, _, _ in columns]
     reach = [reach_of(results, name, interface, [maps[k] for maps in every]) for k, interface in enumerate(interfaces)]
@@ -73,10 +73,13 @@ def slips(results, path):
     if "settling" not in results:
         return False
     columns = []
-    for n, title, level in ((1, "1st impact", "high"), (5, "5th impact", "super-high")):
+    for n, impact, level in ((1, "1st impact", "high"), (5, "5th impact", "super-high")):
         largest, residual = (f"paper {1e6 * value:.3g} um" for value in paper.SLIP[level])
-        columns.append((f"largest slip, {title}\n({level}; {largest})", lambda k, n=n: results.field("settling", k, "largest_slip", n), 1e6, "viridis", "slip, um", None))
-        columns.append((f"residual slip, {title}\n({residual})", lambda k, n=n: results.residual_slip("settling", k, n, n - 1), 1e6, "viridis", "slip, um", None))
+        columns += [
+            (f"largest slip, {impact}\n({level}; {largest})",
+             lambda k, n=n: results.field("settling", k, "largest_slip", n), 1e6, "viridis", "slip, um", None),
+            (f"residual slip, {impact}\n({residual})",
+             lambda k, n=n: results.residual_slip("settling", k, n, n - 1), 1e6, "viridis", "slip, um", None)]
     return draw_maps(results, "settling", columns, path)
 
 
@@ -85,5 +88,5 @@ def largest_ratio(results, path):
     if "levels" not in results:
         return False
     return draw_maps(results, "levels", [
-        (f"{title} impact", lambda k, n=n: results.field("levels", k, "largest_slip_ratio", n), 1.0, "inferno_r", f"largest {RATIO}", 1.0)
-        for n, title in ((3, "high"), (2, "medium"), (1, "low"))], path)
+        (f"{title} impact", lambda k, n=n: results.field("levels", k, "largest_slip_ratio", n), 1.0, "inferno_r",
+         f"largest {RATIO}", 1.0) for n, title in ((3, "high"), (2, "medium"), (1, "low"))], path)

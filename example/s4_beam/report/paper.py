@@ -9,7 +9,7 @@ PEAK = 0.13e-3                                          # m, high impact, sectio
 SLIP = {"high": (1.69e-6, 0.25e-6), "super-high": (43.8e-6, 8.79e-6)}  # m, largest and residual, section 3.5
 STATIC_SHIFT = 50e-6                                    # m, super-high impact
 SETTLED = 0.3                                           # s after an impact nearly all points stick
-ALIKE = 0.005                                           # how well the three ways to a frequency response agree
+ALIKE = 0.005                                           # what we call the same: three ways to a resonance, repeated impacts
 
 # Intel i9-13900K, 24 threads; table 2, sections 3.1 and 3.5, appendix B
 WALL = {"reduction": 140.0, "contact matrices": 70.0, "preload": 74.0, "qsma": 107.0, "ringdown per ms": 20.0,
