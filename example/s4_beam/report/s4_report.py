@@ -53,7 +53,7 @@ def parse_command_line():
                                      epilog=f"Stages: {', '.join(names)}.")
     parser.add_argument("--program", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--model", default="full", metavar="MODEL", help="full (default; example/s4_beam/build_model makes it), coarse "
-                        "(shipped; a quarter of an hour), or an HDF5 file of the full model")
+                        "(shipped; twenty minutes), or an HDF5 file of the full model")
     parser.add_argument("--only", metavar="STAGE,...", help="run only these stages; the report is of all that are finished")
     parser.add_argument("--check", action="store_true", help="write the case files and have the program check them; run nothing")
     parser.add_argument("--output", metavar="DIR", help="default: s4_report_full or s4_report_coarse in the current folder")
