@@ -25,18 +25,18 @@ def small_case(shipped):
     for old, new in [
         ("file = 's4_coarse.h5'", f"file = '{folder}/s4_coarse.h5'"),
         ("nx = 42, ny = 26", "nx = 12, ny = 8"),
-        ("n_modes = 30", "n_modes = 8"),
-        ("ratio = 0.001", "ratio = 0.02"),
+        ("n_modes = 30", "n_modes = 8, cache = 'reduced.h5'"),
+        ("ratio = 0.001", "ratio = 0.005"),
     ]:
         assert old in text, old
         text = text.replace(old, new)
     text = re.sub(r"analyses = .*", "analyses = 'preload', 'linear_modes', 'transient', 'ringdown', 'settling', 'qsma'", text)
     return text[: text.index("&transient")] + """
-&transient duration = 0.25 /
-&excitation load = 'impact', kind = 'half_sine', amplitude = 500.0, duration = 0.5e-3 /
+&transient duration = 2.0 /
+&excitation load = 'impact', kind = 'half_sine', amplitude = 4000.0, duration = 0.5e-3 /
 &ringdown mode = 1 /
-&settling load = 'impact', amplitude = 400.0, 200.0, duration = 0.5e-3, interval = 0.15, periods = 3 /
-&qsma largest_amplitude = 2.0e-5, levels = 5 /
+&settling load = 'impact', amplitude = 3000.0, 2000.0, duration = 0.5e-3, interval = 0.6, periods = 3 /
+&qsma largest_amplitude = 1.0e-4, levels = 5 /
 &output
   sensors = 'sensor', sensor_direction = 0, 0, 1, snapshots = 0.05, 0.2
   checkpoint_interval = 0.02, checkpoint_steps = 1500
@@ -90,12 +90,14 @@ class Campaign:
     def reference(self):
         """The undisturbed run."""
         path = os.path.join(self.folder, "reference.h5")
-        start = time.monotonic()
-        process = self.start("--output", path)
-        message = process.communicate()[1]
-        self.seconds = time.monotonic() - start
-        if process.returncode != 0:
-            sys.exit(f"the undisturbed run failed: {message}")
+        # The first one fills the cache of the reduction, which the file tells of.
+        for _ in range(2):
+            start = time.monotonic()
+            process = self.start("--output", path)
+            message = process.communicate()[1]
+            self.seconds = time.monotonic() - start
+            if process.returncode != 0:
+                sys.exit(f"the undisturbed run failed: {message}")
         self.whole = {name: value for name, value in datasets(path).items() if not NOT_COMPARED.search(name)}
         print(f"undisturbed run: {self.seconds:.1f} s, {len(self.whole)} datasets", flush=True)
 
