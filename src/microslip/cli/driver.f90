@@ -6,7 +6,7 @@ module microslip_cli_driver
    use microslip_analysis_excitation, only: end_of_all, excitation_t, kind_half_sine, kind_harmonic
    use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
-   use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_analysis_operating_state, only: operating_state_t, undeformed_state
    use microslip_analysis_potential_set, only: choose_potential_set, potential_points, carry_over
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
@@ -16,10 +16,9 @@ module microslip_cli_driver
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_log, only: log_t
    use microslip_cli_motion_input, only: excitations_of, meter_of
-   use microslip_cli_scene, only: scene_t, build_scene, read_model
+   use microslip_cli_scene, only: scene_t, add_motions, build_scene, read_model
    use microslip_cli_scene_report, only: report_scene, expected_unknowns
    use microslip_contact_factory, only: contact_options_t
-   use microslip_contact_problem, only: new_state
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, pi
    use microslip_core_stopwatch, only: stopwatch_t
@@ -241,7 +240,9 @@ contains
 
       call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
       if (allocated(error)) return
-      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver)
+      call add_motions(run%case, run%system)
+      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
+         & all(run%system%pads%half_space))
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
       if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
       everything = run%case%interfaces%potential == 'all'
@@ -299,10 +300,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      ! Without a preload analyses start from the unloaded structure.
-      allocate (run%state%modal(run%system%n_modes), source=0.0_wp)
-      allocate (run%state%amplitude(run%system%n_loads), source=0.0_wp)
-      run%state%contact = new_state(run%system%problem)
+      ! Without a preload analyses start from the undeformed structure.
+      run%state = undeformed_state(run%system)
       do k = 1, size(run%case%analyses)
          select case (trim(run%case%analyses(k)))
          case ('preload')
@@ -378,16 +377,9 @@ contains
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       if (round > 1) call write_system(run, error)
-      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, pattern_load_names(run), error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
       call run%clock%stop('write')
    end subroutine preload
-
-   !> Names of the loads with a force pattern, in the system's order.
-   function pattern_load_names(run) result(names)
-      type(run_t), intent(in) :: run
-      character(len=64), allocatable :: names(:)
-      names = pack(run%case%loads%name, run%case%loads%kind /= 'modal')
-   end function pattern_load_names
 
    !> Numbers with blanks in front.
    pure function listed(values) result(text)
@@ -756,7 +748,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      if (.not. any(run%case%loads%kind == 'modal') .or. run%system%n_loads == size(run%case%loads)) return
+      if (.not. any(run%case%loads%kind == 'modal') .or. run%system%n_loads > size(run%scene%load_names)) return
       if (.not. allocated(run%modes%frequency)) call linear_modes(run, error)
       if (allocated(error)) return
       do k = 1, size(run%case%loads)

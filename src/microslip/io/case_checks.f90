@@ -38,6 +38,10 @@ contains
             call check_topography_use(groups(k), input)
          case ('load')
             call check_load_use(groups(k), input)
+            call check_motion(groups(k), input, interfaces)
+         case ('contact')
+            if (input%contact%compliance == 'fft' .and. any(input%interfaces%grid == 'fe_nodes')) call groups(k)%fault( &
+               'compliance', "'auto' or 'dense': an interface with grid = 'fe_nodes' has no half space")
          case ('damping')
             call check_damping(groups(k), input)
          case ('preload')
@@ -121,7 +125,7 @@ contains
       character(len=*), intent(in) :: topographies(:)
 
       associate (name => input%interfaces(group%number)%topography)
-         if (.not. group%sound('topography')) return
+         if (.not. group%sound('topography') .or. allocated(input%interfaces(group%number)%initial_pressure)) return
          if (name == '' .and. size(input%topographies) == 1) then
             name = input%topographies(1)%name
          else if (name == '' .and. size(input%topographies) > 1) then
@@ -139,6 +143,7 @@ contains
       integer :: k
 
       do k = 1, size(input%interfaces)
+         if (allocated(input%interfaces(k)%initial_pressure)) cycle
          if (any(input%find_topography(input%interfaces(k)%topography) == [0, group%number])) return
       end do
       call group%fault('', 'a &topography that an &interface uses, this one would be ignored')
@@ -162,6 +167,19 @@ contains
       call group%fault('', 'a &load that &preload, &settling, &harmonic_balance or an &excitation uses, '// &
          'this one would be ignored')
    end subroutine check_load_use
+
+   !> The interface of a motion exists.
+   subroutine check_motion(group, input, interfaces)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: interfaces(:)
+
+      associate (load => input%loads(group%number))
+         if (load%kind /= 'motion' .or. .not. group%sound('interface')) return
+         if (input%find_interface(load%interface) == 0) &
+            call group%fault('interface', known_names('interface', load%interface, interfaces))
+      end associate
+   end subroutine check_motion
 
    !> Modal damping fits the number of modes, the reference mode is among them.
    subroutine check_damping(group, input)
@@ -188,6 +206,12 @@ contains
       if (allocated(input%preload%interface_force)) then
          if (size(input%preload%interface_force) /= interfaces .and. interfaces > 0) call group%fault('interface_force', &
             'one number per interface, '//to_text(interfaces))
+         do k = 1, interfaces
+            if (.not. allocated(input%interfaces(k)%initial_pressure)) cycle
+            call group%fault('interface_force', "load_scale in its place: interface '"//trim(input%interfaces(k)%name)// &
+               "' has an initial_pressure, which says its force")
+            exit
+         end do
       end if
       if (.not. allocated(input%preload%loads)) return
       do k = 1, size(input%preload%loads)
@@ -195,7 +219,7 @@ contains
             if (load == 0) then
                call group%fault('loads', known_names('load', input%preload%loads(k), loads))
             else if (input%loads(load)%kind == 'modal') then
-               call group%fault('loads', "loads of kind 'nodes', modes are known only after the preload")
+               call group%fault('loads', "loads of another kind than 'modal', modes are known only after the preload")
             end if
          end associate
          if (position_of(input%preload%loads(k), input%preload%loads(:k - 1)) > 0) &
@@ -343,6 +367,8 @@ contains
       if (group%sound('load') .and. load == 0) then
          call group%fault('load', known_names('load', input%harmonic_balance%load, loads))
       else if (load > 0) then
+         if (input%loads(load)%kind == 'motion') call group%fault('load', &
+            "a load of another kind than 'motion', which is for static loads and the time integration")
          if (input%loads(load)%kind == 'modal') &
             call check_mode(group, input, 'load', 'harmonic_balance', input%loads(load)%mode, 'a modal load')
       end if
