@@ -34,6 +34,8 @@ contains
       end do
       do k = 1, size(groups)
          select case (groups(k)%name)
+         case ('case')
+            call check_first(groups(k), input)
          case ('topography')
             call check_topography_use(groups(k), input)
          case ('load')
@@ -69,6 +71,20 @@ contains
          if (allocated(input%analyses)) call check_use(groups(k), input)
       end do
    end subroutine check_case
+
+   !> The preload comes first; only what is pressed together from the beginning needs none.
+   subroutine check_first(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      integer :: k
+
+      if (.not. (allocated(input%analyses) .and. group%sound('analyses'))) return
+      if (input%analyses(1) == 'preload') return
+      if (.not. input%runs('preload') .and. size(input%interfaces) > 0 &
+          .and. all([(allocated(input%interfaces(k)%initial_pressure), k=1, size(input%interfaces))])) return
+      call group%fault('analyses', "'preload' first, the other analyses start from its result (none needed where all "// &
+         'interfaces have an initial_pressure)')
+   end subroutine check_first
 
    !> Names of the groups of one kind differ.
    subroutine check_names(groups, kind, names)
@@ -155,10 +171,13 @@ contains
       type(case_t), intent(in) :: input
       integer :: k
 
-      if (.not. allocated(input%preload%loads)) return
-      do k = 1, size(input%preload%loads)
-         if (any(input%find_load(input%preload%loads(k)) == [0, group%number])) return
-      end do
+      if (allocated(input%preload%loads)) then
+         do k = 1, size(input%preload%loads)
+            if (any(input%find_load(input%preload%loads(k)) == [0, group%number])) return
+         end do
+      else if (input%runs('preload')) then
+         return
+      end if
       do k = 1, size(input%excitations)
          if (any(input%find_load(input%excitations(k)%load) == [0, group%number])) return
       end do
