@@ -1,13 +1,12 @@
 !> The shipped cases with contact at the FE nodes, from the case file to the result file, with fewer modes.
 module test_cli_node_contact
-   use microslip_cli_command_line, only: command_line_t, text_t
-   use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_hdf5, only: hdf5_file_t
+   use support_case_run, only: changed, file_text, run_case
    use support_checks, only: good, remove
-   use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
+   use testdrive, only: check, new_unittest, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
 
@@ -30,39 +29,17 @@ contains
    subroutine run_with(shipped, analyses, cut, tail, lib)
       character(len=*), intent(in) :: shipped, analyses, cut, tail
       type(error_t), allocatable, intent(out) :: lib
-      type(command_line_t) :: line
       character(len=:), allocatable :: text
-      integer :: unit, length
+      integer :: at
 
-      open (newunit=unit, file=shipped, access='stream', form='unformatted', status='old', action='read')
-      inquire (unit=unit, size=length)
-      allocate (character(len=length) :: text)
-      read (unit) text
-      close (unit)
+      text = file_text(shipped)
       text = text(:index(text, cut) - 1)//tail
       text = changed(text, "file = 's4_coarse", "file = '../input/s4_coarse")
       text = changed(text, 'n_modes = 30', 'n_modes = 8')
-      length = index(text, 'analyses = ') + len('analyses = ')
-      text = text(:length - 1)//analyses//text(length + index(text(length:), nl) - 1:)
-      open (newunit=unit, file=case_path, access='stream', form='unformatted', status='replace')
-      write (unit) text
-      close (unit)
-      line%cases = [text_t(case_path)]
-      line%output = result_path
-      line%quiet = .true.
-      call run_cases(line, lib)
+      at = index(text, 'analyses = ') + len('analyses = ')
+      text = text(:at - 1)//analyses//text(at + index(text(at:), nl) - 1:)
+      call run_case(text, case_path, result_path, lib)
    end subroutine run_with
-
-   !> A text with one part replaced.
-   function changed(text, old, new) result(other)
-      character(len=*), intent(in) :: text, old, new
-      character(len=:), allocatable :: other
-      integer :: at
-
-      at = index(text, old)
-      if (at == 0) error stop 'nothing to change'
-      other = text(:at - 1)//new//text(at + len(old):)
-   end function changed
 
    !> All analyses run; fields are lists over the points, whose pressures and areas make the interface force.
    subroutine test_joint(error)

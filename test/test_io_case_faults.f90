@@ -3,6 +3,7 @@ module test_io_case_faults
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: case_from_text
+   use support_case_run, only: changed
    use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
    implicit none(type, external)
    private
@@ -364,7 +365,7 @@ contains
       if (allocated(error)) return
       wanted = 1
       if (present(lines)) wanted = lines
-      faults = faults_of(changed(beam_case(), old, new))
+      faults = faults_of(changed(beam_case(), old, new, once=.true.))
       if (line_count(faults) /= wanted .or. index(faults, expected) == 0) &
          call test_failed(error, nl//'expected: '//expected//nl//'got:      '//faults)
    end subroutine one_fault
@@ -389,20 +390,6 @@ contains
       if (.not. allocated(error)) return
       if (error%status == status_bad_input) faults = error%message
    end function faults_of
-
-   !> The text with the first `old` replaced.
-   function changed(text, old, new) result(result_text)
-      character(len=*), intent(in) :: text, old, new
-      character(len=:), allocatable :: result_text
-      integer :: at
-
-      at = index(text, old)
-      if (at == 0) then
-         result_text = 'no such text: '//old
-      else
-         result_text = text(:at - 1)//new//text(at + len(old):)
-      end if
-   end function changed
 
    pure integer function line_count(text)
       character(len=*), intent(in) :: text

@@ -4,6 +4,7 @@ module test_io_case_node_contact
    use microslip_core_kinds, only: wp
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: case_from_text, resolved_text
+   use support_case_run, only: changed
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -144,17 +145,6 @@ contains
       if (count([(faults(k:k) == nl, k=1, len(faults))]) + 1 /= lines .or. index(faults, expected) == 0) &
          & call test_failed(error, nl//'expected: '//expected//nl//'got:      '//faults)
    end subroutine has_fault
-
-   !> A text with one part replaced.
-   function changed(text, old, new) result(other)
-      character(len=*), intent(in) :: text, old, new
-      character(len=:), allocatable :: other
-      integer :: at
-
-      at = index(text, old)
-      if (at == 0) error stop 'nothing to change'
-      other = text(:at - 1)//new//text(at + len(old):)
-   end function changed
 
    !> The message for a case text, '' if it is valid.
    function faults_of(text) result(faults)

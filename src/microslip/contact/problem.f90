@@ -12,7 +12,7 @@ module microslip_contact_problem
    private
 
    public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
-   public :: new_state, gap_of, count_states, contact_energy, book_step
+   public :: new_state, gap_of, gap_of_point, count_states, contact_energy, book_step
 
    !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
    type :: contact_problem_t
@@ -166,6 +166,23 @@ contains
       end do
       gap = reshape(work, [3, problem%n_points])
    end function gap_of
+
+   !> gap = r_0 + R q + G force of one point in the state.
+   function gap_of_point(problem, state, point) result(gap)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      integer, intent(in) :: point
+      real(wp) :: gap(3)
+      integer :: c, k, p
+
+      do c = 1, 3
+         k = 3*point - 3 + c
+         gap(c) = problem%r_0(k) + dot_product(problem%R(k, :), state%q)
+         do p = 1, problem%n_points
+            gap(c) = gap(c) + dot_product(problem%G(3*p - 2:3*p, k), state%force(:, p))
+         end do
+      end do
+   end function gap_of_point
 
    !> 1/2 force^T G force of a state in equilibrium, J (from G force = gap - r_0 - R q on the loaded points).
    pure real(wp) function contact_energy(problem, state)
