@@ -131,7 +131,7 @@ contains
       call check(error, torque, expected, rel=.true., thr=beam_velocity)
       if (allocated(error)) return
       associate (last => size(work))
-         call check(error, work(last) > loss(last) .and. loss(last) > 0.9_wp*work(last), &
+         call check(error, abs(work(last)/loss(last) - 1.0_wp) < 0.02_wp .and. loss(last) > 0.0_wp, &
             & 'the work goes into friction: '//to_text(work(last))//' '//to_text(loss(last)))
          if (allocated(error)) return
          call check(error, maxval(abs(miss)) < 1.0e-2_wp*work(last), 'balance: '//to_text(maxval(abs(miss))/work(last)))

@@ -190,7 +190,7 @@ contains
       if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
       call write_map(file, pad%grid, group, group//'/height', pad%grid%to_map(pad%height), 'm', &
          & 'composite surface height, 0 at the highest point; NaN where there is no contact point', error)
-      call write_map(file, pad%grid, group, group//'/area', pad%grid%to_map(pad%grid%area), 'm2', &
+      call write_map(file, pad%grid, group, group//'/area', pad%grid%to_map(pad%grid%area), 'm^2', &
          & 'area of the contact points: force over pressure', error)
       map = unpack(merge(1, 0, potential), pad%grid%inside, 0)
       if (pad%grid%regular) then
