@@ -87,7 +87,7 @@ contains
       do k = 1, size(ignored)
          call one_fault(error, node, node//', '//trim(ignored(k)), trim(ignored(k))//only_grid)
       end do
-      call one_fault(error, node, "grid = 'nodes'", "grid = 'nodes': allowed: 'half_space', 'fe_nodes'", 5)
+      call one_fault(error, node, "grid = 'nodes'", "grid = 'nodes': allowed: 'half_space', 'fe_nodes'")
       call one_fault(error, 'initial_pressure = 1e6', 'initial_pressure = 0', 'initial_pressure = 0: allowed: a finite number > 0')
       call one_fault(error, 'initial_pressure = 1e6', "initial_pressure = 1e6, topography = 'hill'", &
          & "topography = 'hill': allowed: only without initial_pressure")

@@ -53,10 +53,12 @@ contains
    subroutine grid_keys(keys, record)
       type(group_keys_t), intent(inout) :: keys
       type(interface_case_t), intent(inout) :: record
+      logical :: needed
 
-      call material_keys(keys, record)
-      call keys%integer_key('nx', record%nx, at_least(1, most_cells), required=.true.)
-      call keys%integer_key('ny', record%ny, at_least(1, most_cells), required=.true.)
+      needed = keys%sound('grid')
+      call material_keys(keys, record, needed)
+      call keys%integer_key('nx', record%nx, at_least(1, most_cells), required=needed)
+      call keys%integer_key('ny', record%ny, at_least(1, most_cells), required=needed)
       call keys%real_list('extent', record%extent, any_value, [4, 4])
       call check_box(keys, 'extent', record%extent)
       call keys%real_table('holes', record%holes, 3, any_value, [1, most_holes])
@@ -91,14 +93,16 @@ contains
    end subroutine place_keys
 
    !> Elastic constants: one value serves both bodies, except for ground, which is rigid then.
-   subroutine material_keys(keys, record)
+   subroutine material_keys(keys, record, needed)
       type(group_keys_t), intent(inout) :: keys
       type(interface_case_t), intent(inout) :: record
+      !> Whether a missing one is a fault
+      logical, intent(in) :: needed
       integer :: bodies
 
-      call keys%real_list('young_modulus', record%young_modulus, positive, [1, 2], required=.true.)
+      call keys%real_list('young_modulus', record%young_modulus, positive, [1, 2], required=needed)
       call keys%real_list('poisson_ratio', record%poisson_ratio, &
-         between(-1.0_wp, 0.5_wp, closed_upper=.true.), [1, 2], required=.true.)
+         between(-1.0_wp, 0.5_wp, closed_upper=.true.), [1, 2], required=needed)
       if (.not. keys%is_reading) return
       if (.not. (allocated(record%young_modulus) .and. allocated(record%poisson_ratio))) return
       bodies = 2
