@@ -9,6 +9,7 @@ program main
    use test_analysis_harmonic_meter, only: collect_analysis_harmonic_meter
    use test_analysis_settling, only: collect_analysis_settling
    use test_cli_excitations, only: collect_cli_excitations
+   use test_cli_node_contact, only: collect_cli_node_contact
    use test_fe_base_load, only: collect_fe_base_load
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
@@ -20,6 +21,7 @@ program main
    use test_cli_modal_parameters, only: collect_cli_modal_parameters
    use test_contact_half_space, only: collect_contact_half_space
    use test_system_fft_compliance, only: collect_system_fft_compliance
+   use test_system_node_contact, only: collect_system_node_contact
    use test_io_fclib, only: collect_io_fclib
    use test_contact_any_compliance, only: collect_contact_any_compliance
    use test_contact_matrix_free, only: collect_contact_matrix_free
@@ -43,6 +45,7 @@ program main
    use test_io_case_excitation, only: collect_io_case_excitation
    use test_io_case_faults, only: collect_io_case_faults
    use test_io_case_file, only: collect_io_case_file
+   use test_io_case_node_contact, only: collect_io_case_node_contact
    use test_io_hdf5, only: collect_io_hdf5
    use test_io_mesh_file, only: collect_io_mesh_file
    use test_io_model_file, only: collect_io_model_file
@@ -78,6 +81,7 @@ program main
       & new_testsuite('analysis_harmonic_meter', collect_analysis_harmonic_meter), &
       & new_testsuite('analysis_settling', collect_analysis_settling), &
       & new_testsuite('cli_excitations', collect_cli_excitations), &
+      & new_testsuite('cli_node_contact', collect_cli_node_contact), &
       & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
@@ -89,6 +93,7 @@ program main
       & new_testsuite('cli', collect_cli), &
       & new_testsuite('contact_half_space', collect_contact_half_space), &
       & new_testsuite('system_fft_compliance', collect_system_fft_compliance), &
+      & new_testsuite('system_node_contact', collect_system_node_contact), &
       & new_testsuite('io_fclib', collect_io_fclib), &
       & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
       & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
@@ -112,6 +117,7 @@ program main
       & new_testsuite('io_case_excitation', collect_io_case_excitation), &
       & new_testsuite('io_case_faults', collect_io_case_faults), &
       & new_testsuite('io_case_file', collect_io_case_file), &
+      & new_testsuite('io_case_node_contact', collect_io_case_node_contact), &
       & new_testsuite('io_hdf5', collect_io_hdf5), &
       & new_testsuite('io_mesh_file', collect_io_mesh_file), &
       & new_testsuite('io_model_file', collect_io_model_file), &

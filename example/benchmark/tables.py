@@ -150,7 +150,7 @@ def markdown(study, rows):
     names = [name for name in SHOWN if any(not empty(row.get(name)) for row in rows)]
     # What is the same in all rows is not shown, but for the number of contact points.
     names = [name for name in names if name not in ("curve", "fe_coordinates") or len({row.get(name) for row in rows}) > 1]
-    headings = {**HEADINGS, "label": BY_NAME[study.parameter].meaning}
+    headings = {**HEADINGS, "label": study.labels or BY_NAME[study.parameter].meaning}
     lines = ["| " + " | ".join(headings.get(name, name) for name in names) + " |", "| --- " * len(names) + "|"]
     lines += ["| " + " | ".join(shown(row, name) for name in names) + " |" for row in rows]
     return "\n".join(lines)
