@@ -15,6 +15,9 @@ program main
    use test_analysis_preload, only: collect_analysis_preload
    use test_analysis_qsma, only: collect_analysis_qsma
    use test_analysis_ringdown, only: collect_analysis_ringdown
+   use test_cli_restart, only: collect_cli_restart
+   use test_analysis_restart, only: collect_analysis_restart
+   use test_core_archive, only: collect_core_archive
    use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
@@ -88,6 +91,9 @@ program main
       & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
       & new_testsuite('analysis_qsma', collect_analysis_qsma), &
       & new_testsuite('analysis_ringdown', collect_analysis_ringdown), &
+      & new_testsuite("cli_restart", collect_cli_restart), &
+      & new_testsuite("analysis_restart", collect_analysis_restart), &
+      & new_testsuite("core_archive", collect_core_archive), &
       & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &
