@@ -36,6 +36,8 @@ contains
       if (keys%is_reading .and. allocated(record%holes)) then
          if (any(record%holes(3, :) <= 0.0_wp)) call keys%fault('holes', 'x, y, radius of every hole, with a radius > 0')
       end if
+      call keys%name_key('coupling', record%coupling, ['series     ', 'scale_split'])
+      call check_coupling(keys, record)
       call keys%name_key('topography', record%topography)
       call keys%name_key('potential', record%potential, ['auto', 'all '])
       if (record%potential == 'auto') then
@@ -90,6 +92,17 @@ contains
       if (size(record%poisson_ratio) > bodies) call keys%fault('poisson_ratio', &
          "one value: the ground is rigid, young_modulus has one value")
    end subroutine material_keys
+
+   !> The scale-split coupling needs an FE model of every body that deforms.
+   subroutine check_coupling(keys, record)
+      type(group_keys_t), intent(inout) :: keys
+      type(interface_case_t), intent(in) :: record
+
+      if (.not. (keys%is_reading .and. allocated(record%young_modulus))) return
+      if (record%coupling == 'scale_split' .and. record%side_b == 'ground' .and. size(record%young_modulus) > 1) &
+         call keys%fault('coupling', "'series', or one young_modulus: elastic ground is not in the FE model, "// &
+         'which has to hold the long waves of both bodies')
+   end subroutine check_coupling
 
    !> `&topography`.
    subroutine topography_keys(keys, record)
