@@ -1,5 +1,6 @@
 """The columns of all tables; rows of runs; CSV, HDF5 and Markdown."""
 import csv
+import time
 from collections import namedtuple
 
 import h5py
@@ -48,6 +49,8 @@ COLUMNS = [Column(*column) for column in [
     ("own", "cores", ".2f", "cores that the run used"),
     ("others", "cores", ".2f", "cores in use by other processes meanwhile"),
     ("reference", "", "", "the reference is: another run, or this one"),
+    ("day", "", "", "when it was measured"),
+    ("commit", "", "", "commit of the program"),
     ("failure", "", "", "why there is no result"),
 ]]
 BY_NAME = {column.name: column for column in COLUMNS}
@@ -74,7 +77,8 @@ def row_of(variation, run, reference):
     case = run.case
     row = {"label": variation.label, "curve": variation.curve, "solver": case.solver, "tolerance": case.tolerance,
            "modes": case.n_modes, "time_step": case.time_step, "threads": case.threads, "grid_points": 2 * case.nx * case.ny,
-           "steps": case.steps(), "memory": run.memory / 1e6, "own": run.own, "others": run.others, "failure": run.failure}
+           "steps": case.steps(), "memory": run.memory / 1e6, "own": run.own, "others": run.others, "failure": run.failure,
+           "day": time.strftime("%Y-%m-%d"), "commit": ""}
     if run.failure:
         return row
     result = read_result(run.result)
@@ -108,6 +112,14 @@ def write_csv(path, rows):
         writer.writerow([f"{c.name} [{c.unit}]" if c.unit else c.name for c in COLUMNS])
         for row in rows:
             writer.writerow([row.get(c.name, "") if not is_nan(row.get(c.name)) else "" for c in COLUMNS])
+
+
+def read_csv(path):
+    """The rows of a table that was written before."""
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = [{name.partition(" [")[0]: value for name, value in row.items()} for row in csv.DictReader(file)]
+    return [{name: float(value) if BY_NAME[name].unit and value else value for name, value in row.items()
+             if name in BY_NAME and (value or not BY_NAME[name].unit)} for row in rows]
 
 
 def write_hdf5(path, tables, convolution, attributes):
