@@ -203,7 +203,7 @@ contains
       call one_fault(error, "&preload loads = 'bolt left'", "&preload loads = 'bold left'", &
          "&preload: loads = 'bold left', 'bolt right': allowed: the name of a &load, did you mean 'bolt left'?")
       call one_fault(error, "&preload loads = 'bolt left', 'bolt right'", "&preload loads = 'bolt left', 'impact'", &
-         "allowed: loads of kind 'nodes'", lines=2)
+         "allowed: loads of another kind than 'modal'", lines=2)
       call one_fault(error, "interface_force = 2*2210.0", "interface_force = 2210.0", &
          "&preload: interface_force = 2210.0: allowed: one number per interface, 2")
       call one_fault(error, "load = 'impact'", "load = 'kick'", &

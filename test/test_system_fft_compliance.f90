@@ -291,10 +291,11 @@ contains
       if (allocated(error)) return
       call check(error, dense_memory(1000) >= 8.0e6_wp)
       if (allocated(error)) return
-      call check(error, compliance_named('auto', 'condensed') == compliance_auto &
-         & .and. compliance_named('fft', 'condensed') == compliance_fft &
-         & .and. compliance_named('dense', 'condensed') == compliance_dense &
-         & .and. compliance_named('auto', 'jacobi') == compliance_dense)
+      call check(error, compliance_named('auto', 'condensed', .true.) == compliance_auto &
+         & .and. compliance_named('fft', 'condensed', .true.) == compliance_fft &
+         & .and. compliance_named('dense', 'condensed', .true.) == compliance_dense &
+         & .and. compliance_named('auto', 'jacobi', .true.) == compliance_dense &
+         & .and. compliance_named('auto', 'condensed', .false.) == compliance_dense)
    end subroutine test_choice
 
 end module test_system_fft_compliance

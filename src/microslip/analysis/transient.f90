@@ -292,25 +292,40 @@ contains
    end subroutine next_velocity
 
    !> Energy stored in structure, boundary and half spaces: 1/2 d^T Khat d + 1/2 lambda^T G lambda, and the boundary's
-   !> share under load amplitudes a, lambda^T R_a a + 1/2 a^T load_load a. The loads' potential is no part of it.
+   !> share under load amplitudes a, lambda^T R_a a + 1/2 a^T load_load a (imposed motions have none). The loads' potential
+   !> is no part of it.
    pure real(wp) function elastic_energy(system, motion)
       type(jointed_system_t), intent(in) :: system
       type(motion_t), intent(in) :: motion
       elastic_energy = motion%solved%contact_energy &
          & + 0.5_wp*(dot_product(motion%d, matmul(system%stiffness, motion%d)) &
          & + dot_product(motion%amplitude, matmul(system%load_load, motion%amplitude))) &
-         & + dot_product(motion%solved%reaction(system%n_modes + 1:), motion%amplitude)
+         & + sum(motion%solved%reaction(system%n_modes + 1:)*motion%amplitude, .not. system%imposed)
    end function elastic_energy
 
-   !> Displacements that the loads do work on, (loads), m.
-   pure function load_displacements(system, motion) result(u)
+   !> What the amplitudes do work on, (loads): displacements of loads, m; forces that drive imposed motions, -R^T lambda, N.
+   pure function conjugates(system, motion) result(u)
       type(jointed_system_t), intent(in) :: system
       type(motion_t), intent(in) :: motion
       real(wp) :: u(system%n_loads)
 
       u = matmul(motion%d, system%load_modal) + matmul(system%load_load, motion%amplitude) &
-         & + motion%solved%reaction(system%n_modes + 1:)
-   end function load_displacements
+         & + merge(-1.0_wp, 1.0_wp, system%imposed)*motion%solved%reaction(system%n_modes + 1:)
+   end function conjugates
+
+   !> Work of loads and imposed motions in a step, by trapezoids, J.
+   pure real(wp) function work_of_step(system, motion, old_amplitude, old_conjugate) result(work)
+      type(jointed_system_t), intent(in) :: system
+      !> After the step
+      type(motion_t), intent(in) :: motion
+      !> (loads) before it
+      real(wp), intent(in) :: old_amplitude(:), old_conjugate(:)
+      real(wp) :: now(system%n_loads)
+
+      now = conjugates(system, motion)
+      work = 0.5_wp*(sum((old_amplitude + motion%amplitude)*(now - old_conjugate), .not. system%imposed) &
+         & + sum((old_conjugate + now)*(motion%amplitude - old_amplitude), system%imposed))
+   end function work_of_step
 
    !> Integrate to step `block_end`, or to where the motion turns.
    subroutine advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
@@ -352,12 +367,12 @@ contains
       type(transient_options_t), intent(in) :: options
       class(contact_solver_t), intent(inout) :: solver
       type(motion_t), intent(inout) :: motion
-      real(wp), allocatable :: old_amplitude(:), old_displacement(:), old_velocity(:)
+      real(wp), allocatable :: old_amplitude(:), old_conjugate(:), old_velocity(:)
       real(wp) :: dt, kinetic_before
 
       dt = options%time_step
       old_amplitude = motion%amplitude
-      old_displacement = load_displacements(system, motion)
+      old_conjugate = conjugates(system, motion)
       old_velocity = 0.5_wp*(motion%v_before + motion%v_after)
 
       motion%v_before = motion%v_after
@@ -374,8 +389,7 @@ contains
          motion%turned = motion%slowing .and. e%kinetic > kinetic_before
          motion%slowing = e%kinetic < kinetic_before
          e%elastic = elastic_energy(system, motion) - motion%initial_energy
-         e%external_work = e%external_work + 0.5_wp*dot_product(old_amplitude + motion%amplitude, &
-            & load_displacements(system, motion) - old_displacement)
+         e%external_work = e%external_work + work_of_step(system, motion, old_amplitude, old_conjugate)
          e%viscous_loss = e%viscous_loss + dt*dot_product(motion%v_before, &
             & 0.5_wp*system%damping*(old_velocity + 0.5_wp*(motion%v_before + motion%v_after)))
          e%friction_loss = e%friction_loss + motion%solved%friction_loss

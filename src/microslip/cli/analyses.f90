@@ -1,12 +1,11 @@
 !> The analyses of a case, in the order asked for: the one place that knows them by name, and the place to add one.
 module microslip_cli_analyses
+   use microslip_analysis_operating_state, only: undeformed_state
    use microslip_cli_periodic_analyses, only: harmonic_balance, epmc
    use microslip_cli_run, only: run_t
    use microslip_cli_static_analyses, only: preload, linear_modes, qsma
    use microslip_cli_time_analyses, only: transient, settling, ringdown
-   use microslip_contact_problem, only: new_state
    use microslip_core_error, only: error_t
-   use microslip_core_kinds, only: wp
    implicit none(type, external)
    private
 
@@ -20,10 +19,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      ! Without a preload analyses start from the unloaded structure.
-      allocate (run%state%modal(run%system%n_modes), source=0.0_wp)
-      allocate (run%state%amplitude(run%system%n_loads), source=0.0_wp)
-      run%state%contact = new_state(run%system%problem)
+      ! Without a preload analyses start from the undeformed structure.
+      run%state = undeformed_state(run%system)
       do k = 1, size(run%case%analyses)
          select case (trim(run%case%analyses(k)))
          case ('preload'); call preload(run, error)

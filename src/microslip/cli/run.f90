@@ -152,7 +152,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      if (.not. any(run%case%loads%kind == 'modal') .or. run%system%n_loads == size(run%case%loads)) return
+      if (.not. any(run%case%loads%kind == 'modal') .or. run%system%n_loads > size(run%scene%load_names)) return
       if (.not. allocated(run%modes%frequency)) call find_modes(run, error)
       if (allocated(error)) return
       do k = 1, size(run%case%loads)

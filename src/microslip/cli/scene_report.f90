@@ -39,10 +39,8 @@ contains
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
-               & //to_text(size(pad%contact%faces, 2))//' faces; grid '//to_text(pad%grid%nx)//' x '//to_text(pad%grid%ny) &
-               & //' cells of '//to_text(1.0e3_wp*pad%grid%dx, 4)//' x '//to_text(1.0e3_wp*pad%grid%dy, 4)//' mm, ' &
-               & //to_text(pad%grid%point_count())//' points; height range '//to_text(-1.0e6_wp*minval(pad%height), 4) &
-               & //' um; friction '//to_text(pad%friction))
+               & //to_text(size(pad%contact%faces, 2))//' faces; '//points_of(pad)//'; '//surface_of(pad)//'; friction ' &
+               & //to_text(pad%friction))
             call report_mesh(log, pad, measure_interface_mesh(scene%model, pad%contact))
             boundary = boundary + pad%boundary_count()
             points = points + pad%grid%point_count()
@@ -51,6 +49,31 @@ contains
       call report_cost(log, case, scene, boundary, expected_unknowns(case, scene))
       call report_skipped(log, case, scene)
    end subroutine report_scene
+
+   !> Where the contact points of a pad come from, in words.
+   function points_of(pad) result(text)
+      type(pad_t), intent(in) :: pad
+      character(len=:), allocatable :: text
+
+      associate (grid => pad%grid)
+         if (pad%half_space) then
+            text = 'grid '//to_text(grid%nx)//' x '//to_text(grid%ny)//' cells of '//to_text(1.0e3_wp*grid%dx, 4)//' x ' &
+               & //to_text(1.0e3_wp*grid%dy, 4)//' mm, '//to_text(grid%point_count())//' points'
+         else
+            text = to_text(grid%point_count())//' points at the FE nodes with areas of ' &
+               & //to_text(1.0e6_wp*minval(grid%area), 4)//' to '//to_text(1.0e6_wp*maxval(grid%area), 4)//' mm^2'
+         end if
+      end associate
+   end function points_of
+
+   !> The undeformed surface of a pad, in words.
+   function surface_of(pad) result(text)
+      type(pad_t), intent(in) :: pad
+      character(len=:), allocatable :: text
+
+      text = 'height range '//to_text(-1.0e6_wp*minval(pad%height), 4)//' um'
+      if (pad%initial_pressure > 0.0_wp) text = 'initial pressure '//to_text(pad%initial_pressure, 6)//' Pa'
+   end function surface_of
 
    !> How the FE mesh and the grid go together, and what the scale-split coupling asks of them.
    subroutine report_mesh(log, pad, mesh)
@@ -64,6 +87,7 @@ contains
       real(wp) :: cells, layers
       character(len=:), allocatable :: place
 
+      if (.not. pad%half_space) return
       place = "interface '"//pad%contact%name//"': "
       cells = mesh%spacing/max(pad%grid%dx, pad%grid%dy)
       layers = maxval(mesh%layer)/mesh%spacing
@@ -111,7 +135,7 @@ contains
       integer :: choice
       logical :: fft
 
-      choice = compliance_named(case%contact%compliance, case%contact%solver)
+      choice = compliance_named(case%contact%compliance, case%contact%solver, all(scene%pads%half_space))
       fft = takes_fft(choice, nint(unknowns))
       ! Fill of the sparse factor grows about as n log n on the meshes of jointed beams.
       entries = 6.0_wp*scene%model%stiffness%entries()
@@ -191,8 +215,12 @@ contains
 
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
-            if (.not. pad%compliance%coupled()) call log%line("skipped, interface '"//pad%contact%name &
-               & //"': normal-tangential coupling of the half spaces (equal materials cancel it)")
+            if (.not. pad%half_space) then
+               call log%line("skipped, interface '"//pad%contact%name//"': half space (contact points at the FE nodes)")
+            else if (.not. pad%compliance%coupled()) then
+               call log%line("skipped, interface '"//pad%contact%name &
+                  & //"': normal-tangential coupling of the half spaces (equal materials cancel it)")
+            end if
             if (pad%friction <= 0.0_wp .and. any(case%contact%solver == [character(len=17) :: 'condensed', &
                & 'jacobi_eliminated'])) call log%line("skipped, interface '"//pad%contact%name &
                & //"': tangential directions of the contact (no friction: its unknowns are the points that lift off)")

@@ -2,6 +2,7 @@
 module microslip_cli_set_up
    use microslip_analysis_potential_set, only: choose_potential_set
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
+   use microslip_cli_scene, only: add_motions
    use microslip_cli_scene_report, only: expected_unknowns
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
@@ -68,7 +69,9 @@ contains
       if (allocated(error)) return
       call report_coupling(run, error)
       if (allocated(error)) return
-      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver)
+      call add_motions(run%case, run%system)
+      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
+         & all(run%system%pads%half_space))
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
       if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
       everything = run%case%interfaces%potential == 'all'

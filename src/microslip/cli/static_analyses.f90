@@ -41,7 +41,7 @@ contains
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       if (round > 1) call write_system(run, error)
-      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, pattern_load_names(run), error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
       call run%clock%stop('write')
    end subroutine preload
 
@@ -53,13 +53,6 @@ contains
       call find_modes(run, error)
       if (.not. allocated(error)) call run%results%write_linear_modes(run%modes, error)
    end subroutine linear_modes
-
-   !> Names of the loads with a force pattern, in the system's order.
-   function pattern_load_names(run) result(names)
-      type(run_t), intent(in) :: run
-      character(len=64), allocatable :: names(:)
-      names = pack(run%case%loads%name, run%case%loads%kind /= 'modal')
-   end function pattern_load_names
 
    !> Quasi-static modal analysis.
    subroutine qsma(run, error)

@@ -118,15 +118,26 @@ contains
       type(contact_state_t), intent(inout) :: state
    end subroutine complete
 
-   !> The unloaded state: no force, all points open (or just touching), driver zero.
-   pure function new_state(problem) result(state)
+   !> The state at the beginning: driver zero, no force, all points open (or just touching). Where there is a force from
+   !> the beginning, its points stick at no gap.
+   pure function new_state(problem, force) result(state)
       type(contact_problem_t), intent(in) :: problem
+      !> (3, points) N: normal forces, in equilibrium with all gaps zero where there are any; default: none
+      real(wp), intent(in), optional :: force(:, :)
       type(contact_state_t) :: state
+      integer :: p
 
       allocate (state%q(size(problem%R, 2)), source=0.0_wp)
       allocate (state%force(3, problem%n_points), source=0.0_wp)
       state%gap = reshape(problem%r_0, [3, problem%n_points])
       allocate (state%status(problem%n_points), source=state_open)
+      if (.not. present(force)) return
+      state%force = force
+      do p = 1, problem%n_points
+         if (force(1, p) <= 0.0_wp) cycle
+         state%gap(:, p) = 0.0_wp
+         state%status(p) = state_stick
+      end do
    end function new_state
 
    !> gap = r_0 + R q + G force at all points, (3, points).

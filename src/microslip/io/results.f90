@@ -13,6 +13,7 @@ module microslip_io_results
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t
+   use microslip_io_interface_maps, only: attach_axes, write_map
    use microslip_io_provenance, only: host_name, utc_now
    use microslip_system_jointed_system, only: jointed_system_t
    use microslip_system_pad, only: pad_t
@@ -41,7 +42,7 @@ module microslip_io_results
 
    !> Write a dataset unless an earlier write failed: a sequence of these needs one look at `error`, at its end.
    interface put
-      procedure :: put_real, put_reals, put_table, put_integer, put_integer_map, put_texts
+      procedure :: put_real, put_reals, put_table, put_integer, put_integers, put_integer_map, put_texts
    end interface put
 
 contains
@@ -179,38 +180,40 @@ contains
       character(len=*), intent(in) :: group
       type(error_t), allocatable, intent(out) :: error
       logical :: potential(pad%grid%point_count())
+      integer, allocatable :: map(:, :)
 
       potential = .false.
       potential(pad%potential) = .true.
-      call put(file, group//'/x', pad%grid%x, 'm', 'cell centres along t1', error)
-      call put(file, group//'/y', pad%grid%y, 'm', 'cell centres along t2', error)
-      call put(file, group//'/height', pad%grid%to_map(pad%height), 'm', &
+      call put(file, group//'/x', pad%grid%x, 'm', points_of(pad)//' along t1', error)
+      call put(file, group//'/y', pad%grid%y, 'm', points_of(pad)//' along t2', error)
+      if (.not. allocated(error)) call file%make_scale(group//'/x', 'x', error)
+      if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
+      call write_map(file, pad%grid, group, group//'/height', pad%grid%to_map(pad%height), 'm', &
          & 'composite surface height, 0 at the highest point; NaN where there is no contact point', error)
-      call put(file, group//'/potential', unpack(merge(1, 0, potential), pad%grid%inside, 0), '1', &
-         & '1 for points in potential contact, 0 for the others', error)
+      call write_map(file, pad%grid, group, group//'/area', pad%grid%to_map(pad%grid%area), 'm^2', &
+         & 'area of the contact points: force over pressure', error)
+      map = unpack(merge(1, 0, potential), pad%grid%inside, 0)
+      if (pad%grid%regular) then
+         call put(file, group//'/potential', map, '1', '1 for points in potential contact, 0 for the others', error)
+      else
+         call put(file, group//'/potential', map(:, 1), '1', '1 for points in potential contact, 0 for the others', error)
+      end if
+      call attach_axes(file, pad%grid, group, group//'/potential', error)
       call put(file, group//'/friction', pad%friction, '1', 'friction coefficient', error)
       call put(file, group//'/origin', pad%contact%origin, 'm', 'point with x = y = 0 in the axes of the model', error)
       call put(file, group//'/frame', pad%contact%frame, '1', &
          & '[axis, component]: n (from body B to body A), t1 (x), t2 (y) in the axes of the model', error)
       if (.not. allocated(error)) call file%set_attribute(group, 'name', pad%contact%name, error)
-      if (.not. allocated(error)) call file%make_scale(group//'/x', 'x', error)
-      if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
-      call attach_axes(file, group//'/height', group, error)
-      call attach_axes(file, group//'/potential', group, error)
    end subroutine write_interface
 
-   !> x and y of an interface become the axes of a map.
-   subroutine attach_axes(file, path, group, error)
-      type(hdf5_file_t), intent(in) :: file
-      !> Dataset (nx, ny)
-      character(len=*), intent(in) :: path
-      !> Group of the interface
-      character(len=*), intent(in) :: group
-      type(error_t), allocatable, intent(inout) :: error
+   !> Where the contact points of a pad lie, in words.
+   pure function points_of(pad) result(text)
+      type(pad_t), intent(in) :: pad
+      character(len=:), allocatable :: text
 
-      if (.not. allocated(error)) call file%attach_scale(path, 1, group//'/x', error)
-      if (.not. allocated(error)) call file%attach_scale(path, 2, group//'/y', error)
-   end subroutine attach_axes
+      text = 'contact points (FE nodes)'
+      if (pad%grid%regular) text = 'cell centres'
+   end function points_of
 
    !> Equilibrium under the preload: /preload. The interfaces must have been written.
    subroutine write_preload(self, system, state, record, load_names, error)
@@ -231,8 +234,8 @@ contains
          group = interface_group(k)
          do f = 1, size(fields)
             path = '/preload/'//group//'/'//trim(fields(f)%name)
-            call put(self%file, path, maps(k)%map(:, :, f), trim(fields(f)%units), trim(fields(f)%description), error)
-            call attach_axes(self%file, path, '/'//group, error)
+            call write_map(self%file, system%pads(k)%grid, '/'//group, path, maps(k)%map(:, :, f), trim(fields(f)%units), &
+               & trim(fields(f)%description), error)
          end do
       end do
    end subroutine write_preload
@@ -334,6 +337,14 @@ contains
       type(error_t), allocatable, intent(inout) :: error
       if (.not. allocated(error)) call file%write(path, value, units, description, error)
    end subroutine put_integer
+
+   subroutine put_integers(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      integer, intent(in), contiguous :: value(:)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_integers
 
    subroutine put_integer_map(file, path, value, units, description, error)
       type(hdf5_file_t), intent(in) :: file

@@ -12,6 +12,7 @@ module microslip_io_transient_results
    use microslip_core_kinds, only: wp
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t, series_t
+   use microslip_io_interface_maps, only: append_map, attach_axes, map_axes, map_shape
    use microslip_io_progress, only: progress_t, wall_clock
    use microslip_io_results, only: results_t
    use microslip_system_jointed_system, only: jointed_system_t
@@ -221,7 +222,7 @@ contains
       do k = 1, size(maps)
          do f = 1, size(fields)
             if (allocated(error)) return
-            call self%snapshots(f, k)%append(reshape(maps(k)%map(:, :, f), [shape(maps(k)%map(:, :, f)), 1]), error)
+            call append_map(self%snapshots(f, k), system%pads(k)%grid, maps(k)%map(:, :, f), error)
          end do
       end do
    end subroutine snapshot
@@ -240,15 +241,16 @@ contains
       if (.not. allocated(error)) call self%file%make_scale(axis, 'time', error)
       do k = 1, size(system%pads)
          group = interface_group(k)
-         do f = 1, size(fields)
-            path = self%group//'/snapshot/'//group//'/'//trim(fields(f)%name)
-            if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
-               & shape(system%pads(k)%grid%inside), trim(fields(f)%units), &
-               & '[snapshot, y, x]: '//trim(fields(f)%description), error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 1, '/'//group//'/x', error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 2, '/'//group//'/y', error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 3, axis, error)
-         end do
+         associate (grid => system%pads(k)%grid)
+            do f = 1, size(fields)
+               path = self%group//'/snapshot/'//group//'/'//trim(fields(f)%name)
+               if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
+                  & map_shape(grid), trim(fields(f)%units), '[snapshot, '//map_axes(grid)//']: '//trim(fields(f)%description), &
+                  & error)
+               call attach_axes(self%file, grid, '/'//group, path, error)
+               if (.not. allocated(error)) call self%file%attach_scale(path, size(map_shape(grid)) + 1, axis, error)
+            end do
+         end associate
       end do
    end subroutine create_snapshots
 

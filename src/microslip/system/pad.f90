@@ -2,6 +2,8 @@
 !>
 !> Two couplings of half space and FE model: in series, C + W^T F W (the paper's, (6)), or split by scale, C_s + W^T F W,
 !> where C_s is what C has beyond the waves that the FE mesh represents (METHOD section 3).
+!> With contact points at the FE nodes there is no half space: C = 0, and G is W^T F W alone.
+!> An initial pressure p takes the place of the heights: the undeformed pad carries lambda_0 = p A without any gap.
 module microslip_system_pad
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
@@ -11,17 +13,20 @@ module microslip_system_pad
    use microslip_halfspace_coupling, only: coupling_t, build_coupling
    use microslip_halfspace_grid, only: be_grid_t
    use microslip_halfspace_love_cerruti, only: half_space_pair_t
+   use microslip_halfspace_node_points, only: points_at_nodes
    use microslip_halfspace_scale_filter, only: scale_filter_t, new_scale_filter
    use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product
    implicit none(type, external)
    private
 
-   public :: pad_t, new_pad
+   public :: pad_t, new_pad, new_node_pad
 
    type :: pad_t
       type(contact_interface_t) :: contact
       type(be_grid_t) :: grid
       type(coupling_t) :: coupling
+      !> Whether the bodies are half spaces at the points: C and its products
+      logical :: half_space = .true.
       type(compliance_t) :: compliance
       type(convolution_t) :: convolution
       !> The waves that are left to the FE model; not allocated: none, the coupling is in series
@@ -29,6 +34,8 @@ module microslip_system_pad
       !> (grid points) height of the composite surface, <= 0 with the highest point at 0, m
       real(wp), allocatable :: height(:)
       real(wp) :: friction = 0.0_wp
+      !> Normal pressure in the undeformed state, Pa
+      real(wp) :: initial_pressure = 0.0_wp
       !> Boundary coordinates of the pads before this one
       integer :: boundary_offset = 0
       !> Points in potential contact: their indices in the grid, ascending
@@ -37,6 +44,8 @@ module microslip_system_pad
       integer :: point_offset = 0
    contains
       procedure :: boundary_count
+      procedure :: initial_force
+      procedure :: initial_gap
       procedure :: add_local_compliance
       procedure :: displacement
       procedure :: normal_displacement
@@ -80,6 +89,47 @@ contains
       pad%potential = [(k, k=1, grid%point_count())]
    end subroutine new_pad
 
+   !> A pad whose contact points are its node pairs, without a half space. All are in potential contact at first.
+   subroutine new_node_pad(contact, friction, pad, error)
+      type(contact_interface_t), intent(in) :: contact
+      !> Friction coefficient
+      real(wp), intent(in) :: friction
+      !> Flat: its heights may be set afterwards
+      type(pad_t), intent(out) :: pad
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      pad%contact = contact
+      pad%half_space = .false.
+      pad%friction = friction
+      call points_at_nodes(contact, pad%grid, pad%coupling, error)
+      if (allocated(error)) return
+      allocate (pad%height(pad%grid%point_count()), source=0.0_wp)
+      pad%potential = [(k, k=1, pad%grid%point_count())]
+   end subroutine new_node_pad
+
+   !> lambda_0 = p A of the undeformed state, (3, grid points), N.
+   pure function initial_force(self) result(force)
+      class(pad_t), intent(in) :: self
+      real(wp), allocatable :: force(:, :)
+
+      allocate (force(3, self%grid%point_count()), source=0.0_wp)
+      force(1, :) = self%initial_pressure*self%grid%area
+   end function initial_force
+
+   !> Gap of the undeformed bodies without contact forces, (3, grid points), m: -h, or -C lambda_0 under an initial
+   !> pressure (the boundary's share -W^T F W lambda_0 comes from the system's load of that name).
+   function initial_gap(self) result(gap)
+      class(pad_t), intent(in) :: self
+      real(wp), allocatable :: gap(:, :)
+
+      allocate (gap(3, self%grid%point_count()), source=0.0_wp)
+      if (self%half_space .and. self%initial_pressure > 0.0_wp) &
+         & call local_product(self%convolution, self%initial_force(), gap, self%filter)
+      gap = -gap
+      gap(1, :) = gap(1, :) - self%height
+   end function initial_gap
+
    !> Number of boundary coordinates, three per node pair.
    pure integer function boundary_count(self)
       class(pad_t), intent(in) :: self
@@ -106,9 +156,10 @@ contains
       real(wp), allocatable :: u(:, :), far(:, :)
 
       allocate (u, mold=force)
+      call self%coupling%interpolate(boundary, u)
+      if (.not. self%half_space) return
       allocate (far, mold=force)
-      call local_product(self%convolution, force, u, self%filter)
-      call self%coupling%interpolate(boundary, far)
+      call local_product(self%convolution, force, far, self%filter)
       u = u + far
    end function displacement
 
@@ -123,8 +174,9 @@ contains
       real(wp), intent(out), contiguous :: u_n(:)
       real(wp) :: far(size(u_n))
 
-      call local_normal_product(self%convolution, force, u_n, self%filter)
-      call self%coupling%interpolate_component(boundary, far)
+      call self%coupling%interpolate_component(boundary, u_n)
+      if (.not. self%half_space) return
+      call local_normal_product(self%convolution, force, far, self%filter)
       u_n = u_n + far
    end subroutine normal_displacement
 
