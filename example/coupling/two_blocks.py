@@ -4,7 +4,7 @@
     example/coupling/two_blocks.py --program MICROSLIP [--work FOLDER] [--resolved 1.3333 1.0]
 
 Two blocks of 48 x 32 mm, 12 and 16 mm high, with a square bore of 8 mm, bricks with incompatible modes; the lower one
-stands fixed, 6 kN press on the upper one's top. Surfaces: flat, a hill of 12 um, waves of 8 mm with +-0.5 um. Coarse FE
+stands fixed, 6 kN press on the upper one's top, and 120 N along x shear it. Surfaces: flat, a hill of 12 um, waves of 8 mm with +-0.5 um. Coarse FE
 meshes with a boundary-element grid and coupling = 'series' and 'scale_split', fine ones with contact at the FE nodes
 (grid = 'fe_nodes') as the reference. Writes table.csv and pressure.png into the work folder.
 """
@@ -19,11 +19,11 @@ import scipy.sparse as sp
 
 MM = 1e-3
 SIZE, BORE, HEIGHTS = (48.0, 32.0), 8.0, (12.0, 16.0)          # mm: plan, bore, lower and upper block
-E, NU, RHO, FORCE = 194e9, 0.2854, 7861.0, 6000.0
+E, NU, RHO, FORCE, SHEAR = 194e9, 0.2854, 7861.0, 6000.0, 120.0
 CELLS = (60, 40)                                               # boundary-element grid, 0.8 mm
 SURFACES = ("flat", "hill", "waves")
 PATCH = 2.0                                                    # mm, pressures are compared as means over squares
-SPRING = 1e4                                                   # N/m, holds the upper block where nothing touches
+SPRING = 1e6                                                   # N/m, holds the upper block where nothing touches
 
 
 def layers(height, spacing):
@@ -134,15 +134,20 @@ def case_text(spacing, kind, surface):
         f"nx = {CELLS[0]}, ny = {CELLS[1]}, young_modulus = {E}, poisson_ratio = {NU}, coupling = '{kind}'"
     topography = {"flat": "source = 'flat'", "hill": "source = 'hill', height = 12e-6",
                   "waves": "source = 'file', file = 'waves.h5', sense = 'height'"}[surface]
-    return f"""&case title = 'two blocks', analyses = 'preload', 'linear_modes' /
+    return f"""&case title = 'two blocks', analyses = 'preload', 'linear_modes', 'transient' /
 &model source = 'hdf5', file = 'blocks_{spacing:.4f}.h5' /
 &interface name = 'joint', side_a = 'upper_pad', side_b = 'lower_pad', friction = 0.6, {where} /
 &topography {topography} /
 &reduction n_modes = 12, cache = 'blocks_{spacing:.4f}.cache' /
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {FORCE}, distribution = 'area' /
-&preload loads = 'press', load_scale = 1.0 /
+&load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {SHEAR}, distribution = 'area' /
+&preload loads = 'press', 'shear', load_scale = 1.0, 1.0 /
 &linear_modes n_modes = 6 /
-&contact tolerance = 1e-8 /
+&contact tolerance = 1e-7{"" if kind == "resolved" else ", compliance = 'fft'"} /
+! One step of nothing: its first sample is the preload, at the sensors
+&transient time_step = 1e-8, duration = 2e-8 /
+&excitation load = 'shear', kind = 'half_sine', amplitude = 1e-9, duration = 1e-8 /
+&output sensors = 'upper_end', 'upper_end', sensor_direction = 0, 0, -1, 1, 0, 0 /
 """
 
 
@@ -182,9 +187,9 @@ def run(program, work, spacing, kind, surface):
         if log.returncode:
             raise SystemExit(f"{name}: {log.stderr}")
     with h5py.File(result) as f:
-        fine = pressure_map(f)
+        fine, moved = pressure_map(f), f["transient/sensor"][0]
         return dict(spacing=spacing, kind=kind, surface=surface, fine=fine, patches=means(fine),
-                    stiffness=FORCE**2 / (2 * f["preload/work"][()].item()), closed=(fine > 0).sum() * 0.01,
+                    normal=FORCE / moved[0], tangential=SHEAR / moved[1], closed=(fine > 0).sum() * 0.01,
                     frequency=f["linear_modes/frequency"][:6], force=fine.sum() * 1e-8)
 
 
@@ -203,12 +208,14 @@ def main():
                for h in spacings]
     with open(a.work / "table.csv", "w", newline="") as out:
         table = csv.writer(out)
-        table.writerow(["surface", "contact", "fe_spacing_mm", "stiffness_N_per_um", "stiffness_deviation", "closed_mm2",
+        table.writerow(["surface", "contact", "fe_spacing_mm", "normal_N_per_um", "normal_deviation", "tangential_N_per_um",
+                        "tangential_deviation", "closed_mm2",
                         "closed_deviation", "pressure_deviation"] + [f"f{k}_Hz" for k in range(1, 7)])
         for r in results:
             reference = [s for s in results if s["surface"] == r["surface"] and s["kind"] == "resolved"][-1]
             off = lambda key: r[key] / reference[key] - 1
-            table.writerow([r["surface"], r["kind"], f"{r['spacing']:.3f}", f"{r['stiffness'] * 1e-6:.1f}", f"{off('stiffness'):+.4f}",
+            table.writerow([r["surface"], r["kind"], f"{r['spacing']:.3f}", f"{r['normal'] * 1e-6:.1f}",
+                            f"{off('normal'):+.4f}", f"{r['tangential'] * 1e-6:.1f}", f"{off('tangential'):+.4f}",
                             f"{r['closed']:.0f}", f"{off('closed'):+.4f}",
                             f"{np.linalg.norm(r['patches'] - reference['patches']) / np.linalg.norm(reference['patches']):.4f}"]
                            + [f"{f:.0f}" for f in r["frequency"]])
