@@ -233,6 +233,10 @@ contains
          "potential_margin = 1e-6: allowed: only with potential = 'auto'")
       call one_fault(error, "side_b = 'lb'", "side_b = 'ground', poisson_ratio(2) = 0.3", &
          "poisson_ratio = 0.3, 0.2854: allowed: one value: the ground is rigid")
+      call one_fault(error, "nx = 80", "coupling = 'parallel', nx = 80", &
+         "coupling = 'parallel': allowed: 'series', 'scale_split'")
+      call one_fault(error, "side_b = 'lb'", "side_b = 'ground', coupling = 'scale_split', young_modulus(2) = 2e11", &
+         "coupling = 'scale_split': allowed: 'series', or one young_modulus: elastic ground is not in the FE model")
       call one_fault(error, "direction = 0, 0, 1, 0, 0, -1", "direction = 0, 0, 1, 0, 0, 0", &
          "direction = 0, 0, 1, 0, 0, 0: allowed: three numbers per direction that are not all 0")
    end subroutine test_interface_values

@@ -142,7 +142,7 @@ contains
             if (.not. allocated(error)) call elastic_material(body(k), record%young_modulus(k), record%poisson_ratio(k), error)
          end do
          if (.not. allocated(error)) call new_pad(contact, grid, height, half_space_pair(body(1), body(2)), record%friction, &
-            & overhang, pad, error)
+            & overhang, pad, error, scale_split=record%coupling == 'scale_split')
       end if
       if (allocated(record%initial_pressure)) pad%initial_pressure = record%initial_pressure
       if (allocated(error)) error%message = case%path//": interface '"//trim(record%name)//"': "//error%message

@@ -8,9 +8,11 @@ module microslip_cli_set_up
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_fe_reduction, only: reduction_options_t, reduce
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
    use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
+   use microslip_system_coupling_error, only: coupling_error_t, estimate_coupling_error
    use microslip_system_jointed_system, only: new_system
    implicit none(type, external)
    private
@@ -66,6 +68,8 @@ contains
 
       call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
       if (allocated(error)) return
+      call report_coupling(run, error)
+      if (allocated(error)) return
       call add_motions(run%case, run%system)
       run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
          & all(run%system%pads%half_space))
@@ -91,5 +95,32 @@ contains
       if (.not. allocated(run%checkpoint%run)) call write_system(run, error)
       call run%clock%stop('write')
    end subroutine build_system
+
+   !> The scale-split coupling's estimate of its own error.
+   subroutine report_coupling(run, error)
+      type(run_t), intent(in) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(interface_mesh_t) :: mesh
+      type(coupling_error_t) :: estimate
+      integer :: k
+
+      do k = 1, size(run%system%pads)
+         associate (pad => run%system%pads(k))
+            if (.not. allocated(pad%filter)) cycle
+            mesh = measure_interface_mesh(run%scene%model, pad%contact)
+            call estimate_coupling_error(run%system, k, mesh%spacing, estimate, error)
+            if (allocated(error)) return
+            if (estimate%radius > 0.0_wp) then
+               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling against the half space on a disc of " &
+                  & //to_text(1.0e3_wp*estimate%radius, 3)//' mm radius: deviation '//to_text(1.0e2_wp*estimate%deviation(1), 2) &
+                  & //' % along n, '//to_text(1.0e2_wp*estimate%deviation(2), 2)//' % along t1, ' &
+                  & //to_text(1.0e2_wp*estimate%deviation(3), 2)//' % along t2')
+            else
+               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling: the pad has no room for a disc of " &
+                  & //'three FE node distances, no estimate of its error')
+            end if
+         end associate
+      end do
+   end subroutine report_coupling
 
 end module microslip_cli_set_up

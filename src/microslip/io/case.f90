@@ -48,6 +48,8 @@ module microslip_io_case
       real(wp), allocatable :: extent(:)
       !> half_space: (3, holes) x, y, radius in local coordinates, m
       real(wp), allocatable :: holes(:, :)
+      !> 'series' or 'scale_split': half space and FE model
+      character(len=name_length) :: coupling = 'series'
       !> Name of a topography; blank: flat
       character(len=name_length) :: topography = ''
       !> Pa, normal pressure in the undeformed state, in place of a topography

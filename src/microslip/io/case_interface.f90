@@ -29,7 +29,8 @@ contains
       call keys%real_key('friction', record%friction, non_negative, required=.true.)
       call keys%name_key('grid', record%grid, ['half_space', 'fe_nodes  '])
       if (record%grid == 'fe_nodes') then
-         call keys%ignored([character(len=13) :: 'young_modulus', 'poisson_ratio', 'nx', 'ny', 'extent', 'holes'], &
+         call keys%ignored([character(len=13) :: 'young_modulus', 'poisson_ratio', 'nx', 'ny', 'extent', 'holes', &
+            'coupling'], &
             "with grid = 'half_space'", decided_by='grid')
       else
          call grid_keys(keys, record)
@@ -62,6 +63,8 @@ contains
       call keys%real_list('extent', record%extent, any_value, [4, 4])
       call check_box(keys, 'extent', record%extent)
       call keys%real_table('holes', record%holes, 3, any_value, [1, most_holes])
+      call keys%name_key('coupling', record%coupling, ['series     ', 'scale_split'])
+      call check_coupling(keys, record)
       if (.not. (keys%is_reading .and. allocated(record%holes))) return
       if (any(record%holes(3, :) <= 0.0_wp)) call keys%fault('holes', 'x, y, radius of every hole, with a radius > 0')
    end subroutine grid_keys
@@ -112,6 +115,17 @@ contains
       if (size(record%poisson_ratio) > bodies) call keys%fault('poisson_ratio', &
          "one value: the ground is rigid, young_modulus has one value")
    end subroutine material_keys
+
+   !> The scale-split coupling needs an FE model of every body that deforms.
+   subroutine check_coupling(keys, record)
+      type(group_keys_t), intent(inout) :: keys
+      type(interface_case_t), intent(in) :: record
+
+      if (.not. (keys%is_reading .and. allocated(record%young_modulus))) return
+      if (record%coupling == 'scale_split' .and. record%side_b == 'ground' .and. size(record%young_modulus) > 1) &
+         call keys%fault('coupling', "'series', or one young_modulus: elastic ground is not in the FE model, "// &
+         'which has to hold the long waves of both bodies')
+   end subroutine check_coupling
 
    !> `&topography`.
    subroutine topography_keys(keys, record)

@@ -19,7 +19,7 @@ module microslip_system_jointed_system
    use microslip_core_kinds, only: wp
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
-   use microslip_linalg_dense, only: cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
    use microslip_system_compliance_choice, only: compliance_auto, compliance_dense, compliance_fft, takes_fft
    use microslip_system_fft_compliance, only: fft_compliance_t, new_fft_compliance
    use microslip_system_pad, only: pad_t
@@ -77,6 +77,7 @@ module microslip_system_jointed_system
       procedure :: modal_force
       procedure :: sensor_values
       procedure :: boundary_displacement
+      procedure :: static_boundary
       procedure :: gaps_everywhere
       procedure :: normal_gaps_everywhere
       procedure :: interface_forces
@@ -280,7 +281,7 @@ contains
                call add_gathered(row%coupling, row%potential, column%coupling, column%potential, self%flexibility( &
                   & row%boundary_offset + 1:row%boundary_offset + row%boundary_count(), &
                   & column%boundary_offset + 1:column%boundary_offset + column%boundary_count()), block)
-               if (j == k .and. row%half_space) call row%compliance%add_to_dense(row%potential, block)
+               if (j == k .and. row%half_space) call row%add_local_compliance(block)
                G(3*row%point_offset + 1:3*row%point_offset + size(block, 1), &
                   & 3*column%point_offset + 1:3*column%point_offset + size(block, 2)) = block
                deallocate (block)
@@ -366,6 +367,44 @@ contains
          & + nodal_force(self, force)
       call product_symmetric(self%flexibility, load, d_b)
    end function boundary_displacement
+
+   !> Relative displacements F_s W lambda of the node pairs of a pad under contact forces there alone, in statics. Rigid
+   !> motion that nothing holds is held by a weak spring: the forces should be in balance then.
+   subroutine static_boundary(self, k, force, boundary, error)
+      class(jointed_system_t), intent(in) :: self
+      !> Which pad
+      integer, intent(in) :: k
+      !> (3, grid points of the pad) N
+      real(wp), intent(in), contiguous :: force(:, :)
+      !> (3, pairs of the pad) m
+      real(wp), allocatable, intent(out) :: boundary(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      !> Of the largest diagonal term
+      real(wp), parameter :: weak = 1.0e-10_wp
+      real(wp) :: load(size(self%K_bi, 1)), d_b(size(self%K_bi, 1)), modal(self%n_modes), spring
+      real(wp), allocatable :: factor(:, :), nodal(:, :)
+      integer :: m, first, n
+
+      n = self%pads(k)%boundary_count()
+      first = self%pads(k)%boundary_offset
+      allocate (nodal(3, n/3))
+      call self%pads(k)%coupling%distribute(force, nodal)
+      load = 0.0_wp
+      load(first + 1:first + n) = reshape(nodal, [n])
+      call product_symmetric(self%flexibility, load, d_b)
+      factor = self%stiffness
+      spring = weak*maxval(self%stiffness)
+      do m = 1, self%n_modes
+         factor(m, m) = factor(m, m) + spring
+      end do
+      call cholesky_factor(factor, error)
+      if (allocated(error)) return
+      modal = -matmul(d_b, self%K_bi)
+      call cholesky_solve(factor, modal)
+      load = load - matmul(self%K_bi, modal)
+      call product_symmetric(self%flexibility, load, d_b)
+      boundary = reshape(d_b(first + 1:first + n), [3, n/3])
+   end subroutine static_boundary
 
    !> W lambda: the contact forces on the boundary, (boundary), N.
    pure function nodal_force(self, force) result(load)

@@ -1,5 +1,7 @@
 !> A contact pad: one interface with everything the contact needs there - grid, surface, half space, coupling.
 !>
+!> Two couplings of half space and FE model: in series, C + W^T F W (the paper's, (6)), or split by scale, C_s + W^T F W,
+!> where C_s is what C has beyond the waves that the FE mesh represents (METHOD section 3).
 !> With contact points at the FE nodes there is no half space: C = 0, and G is W^T F W alone.
 !> An initial pressure p takes the place of the heights: the undeformed pad carries lambda_0 = p A without any gap.
 module microslip_system_pad
@@ -12,6 +14,8 @@ module microslip_system_pad
    use microslip_halfspace_grid, only: be_grid_t
    use microslip_halfspace_love_cerruti, only: half_space_pair_t
    use microslip_halfspace_node_points, only: points_at_nodes
+   use microslip_halfspace_scale_filter, only: scale_filter_t, new_scale_filter
+   use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product
    implicit none(type, external)
    private
 
@@ -25,6 +29,8 @@ module microslip_system_pad
       logical :: half_space = .true.
       type(compliance_t) :: compliance
       type(convolution_t) :: convolution
+      !> The waves that are left to the FE model; not allocated: none, the coupling is in series
+      type(scale_filter_t), allocatable :: filter
       !> (grid points) height of the composite surface, <= 0 with the highest point at 0, m
       real(wp), allocatable :: height(:)
       real(wp) :: friction = 0.0_wp
@@ -40,6 +46,7 @@ module microslip_system_pad
       procedure :: boundary_count
       procedure :: initial_force
       procedure :: initial_gap
+      procedure :: add_local_compliance
       procedure :: displacement
       procedure :: normal_displacement
    end type pad_t
@@ -47,7 +54,7 @@ module microslip_system_pad
 contains
 
    !> Bring the parts of a pad together. All grid points are in potential contact at first.
-   subroutine new_pad(contact, grid, height, material, friction, overhang, pad, error)
+   subroutine new_pad(contact, grid, height, material, friction, overhang, pad, error, scale_split)
       type(contact_interface_t), intent(in) :: contact
       type(be_grid_t), intent(in) :: grid
       !> (grid points) m
@@ -60,6 +67,8 @@ contains
       real(wp), intent(in) :: overhang
       type(pad_t), intent(out) :: pad
       type(error_t), allocatable, intent(out) :: error
+      !> Leave the long waves to the FE model; default: no
+      logical, intent(in), optional :: scale_split
       integer :: k
 
       pad%contact = contact
@@ -70,6 +79,13 @@ contains
       if (allocated(error)) return
       call new_compliance(pad%compliance, material, grid)
       call new_convolution(pad%convolution, pad%compliance)
+      if (present(scale_split)) then
+         if (scale_split) then
+            allocate (pad%filter)
+            call new_scale_filter(pad%filter, contact, grid, overhang, error)
+            if (allocated(error)) return
+         end if
+      end if
       pad%potential = [(k, k=1, grid%point_count())]
    end subroutine new_pad
 
@@ -108,7 +124,8 @@ contains
       real(wp), allocatable :: gap(:, :)
 
       allocate (gap(3, self%grid%point_count()), source=0.0_wp)
-      if (self%half_space .and. self%initial_pressure > 0.0_wp) call self%convolution%apply(self%initial_force(), gap)
+      if (self%half_space .and. self%initial_pressure > 0.0_wp) &
+         & call local_product(self%convolution, self%initial_force(), gap, self%filter)
       gap = -gap
       gap(1, :) = gap(1, :) - self%height
    end function initial_gap
@@ -119,7 +136,17 @@ contains
       boundary_count = 3*self%contact%pair_count()
    end function boundary_count
 
-   !> Relative displacement C lambda + W^T d_b at all grid points, (3, grid points), m.
+   !> g <- g + C, or C_s, on the points in potential contact.
+   subroutine add_local_compliance(self, g)
+      class(pad_t), intent(in) :: self
+      !> (3 points, 3 points) m/N
+      real(wp), intent(inout), contiguous :: g(:, :)
+
+      call self%compliance%add_to_dense(self%potential, g)
+      if (allocated(self%filter)) call add_split_to_dense(self%convolution, self%filter, self%potential, g)
+   end subroutine add_local_compliance
+
+   !> Relative displacement C lambda + W^T d_b (C_s in place of C) at all grid points, (3, grid points), m.
    function displacement(self, force, boundary) result(u)
       class(pad_t), intent(in) :: self
       !> (3, grid points) contact forces, N
@@ -132,7 +159,7 @@ contains
       call self%coupling%interpolate(boundary, u)
       if (.not. self%half_space) return
       allocate (far, mold=force)
-      call self%convolution%apply(force, far)
+      call local_product(self%convolution, force, far, self%filter)
       u = u + far
    end function displacement
 
@@ -149,7 +176,7 @@ contains
 
       call self%coupling%interpolate_component(boundary, u_n)
       if (.not. self%half_space) return
-      call self%convolution%apply_normal(force, far)
+      call local_normal_product(self%convolution, force, far, self%filter)
       u_n = u_n + far
    end subroutine normal_displacement
 
