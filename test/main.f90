@@ -43,6 +43,9 @@ program main
    use test_halfspace_convolution, only: collect_halfspace_convolution
    use test_halfspace_coupling, only: collect_halfspace_coupling
    use test_halfspace_grid, only: collect_halfspace_grid
+   use test_fe_interface_mesh, only: collect_fe_interface_mesh
+   use test_halfspace_scale_filter, only: collect_halfspace_scale_filter
+   use test_system_scale_split, only: collect_system_scale_split
    use test_halfspace_love_cerruti, only: collect_halfspace_love_cerruti
    use test_io_calculix, only: collect_io_calculix
    use test_io_case_excitation, only: collect_io_case_excitation
@@ -119,6 +122,9 @@ program main
       & new_testsuite('halfspace_coupling', collect_halfspace_coupling), &
       & new_testsuite('halfspace_grid', collect_halfspace_grid), &
       & new_testsuite('halfspace_love_cerruti', collect_halfspace_love_cerruti), &
+      & new_testsuite('fe_interface_mesh', collect_fe_interface_mesh), &
+      & new_testsuite('halfspace_scale_filter', collect_halfspace_scale_filter), &
+      & new_testsuite('system_scale_split', collect_system_scale_split), &
       & new_testsuite('io_calculix', collect_io_calculix), &
       & new_testsuite('io_case_excitation', collect_io_case_excitation), &
       & new_testsuite('io_case_faults', collect_io_case_faults), &
