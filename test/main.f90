@@ -29,6 +29,7 @@ program main
    use test_contact_any_compliance, only: collect_contact_any_compliance
    use test_contact_matrix_free, only: collect_contact_matrix_free
    use test_contact_solvers, only: collect_contact_solvers
+   use test_contact_stress, only: collect_contact_stress
    use test_contact_without_friction, only: collect_contact_without_friction
    use test_fe_condensation, only: collect_fe_condensation
    use test_fe_element, only: collect_fe_element
@@ -107,6 +108,7 @@ program main
       & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
       & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
       & new_testsuite('contact_solvers', collect_contact_solvers), &
+      & new_testsuite('contact_stress', collect_contact_stress), &
       & new_testsuite('contact_without_friction', collect_contact_without_friction), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &
       & new_testsuite('fe_element', collect_fe_element), &

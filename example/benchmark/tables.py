@@ -118,8 +118,12 @@ def read_csv(path):
     """The rows of a table that was written before."""
     with open(path, newline="", encoding="utf-8") as file:
         rows = [{name.partition(" [")[0]: value for name, value in row.items()} for row in csv.DictReader(file)]
-    return [{name: float(value) if BY_NAME[name].unit and value else value for name, value in row.items()
+    return [{name: number(name, value) if BY_NAME[name].unit else value for name, value in row.items()
              if name in BY_NAME and (value or not BY_NAME[name].unit)} for row in rows]
+
+
+def number(name, text):
+    return round(float(text)) if BY_NAME[name].form == "d" else float(text)
 
 
 def write_hdf5(path, tables, convolution, attributes):

@@ -17,8 +17,9 @@
 module microslip_contact_base_set
    use, intrinsic :: iso_fortran_env, only: int64
    use microslip_contact_problem, only: contact_problem_t
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
    use microslip_linalg_dense, only: inverse_spd, mirror_upper, orthonormalise, product_of, product_symmetric
    implicit none(type, external)
    private
@@ -27,6 +28,8 @@ module microslip_contact_base_set
 
    !> Bordered operators are given up where they miss more than this, and ten times more than a factorisation.
    real(wp), parameter :: most_missed = 1.0e-11_wp
+   !> Where even a factorisation misses more than this, G is as good as singular.
+   real(wp), parameter :: singular_missed = 1.0e-8_wp
    !> Rows that are looked at to find out.
    integer, parameter :: probed_rows = 64
    !> Vectors per group that the coupling is first tried with.
@@ -62,28 +65,36 @@ module microslip_contact_base_set
 
 contains
 
-   !> Factorise for the given base points.
+   !> Factorise for the given base points. Where that fails the set stays as it was.
    subroutine build(self, problem, points, error)
       class(base_set_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       !> Points of the base set
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: cross(:, :)
+      real(wp), allocatable :: cross(:, :), M(:, :)
       integer, allocatable :: rows(:)
+      real(wp) :: missed_now
 
-      call partition(self, problem%n_points, points)
-      rows = unknowns(self%inside)
-      self%M = problem%G(rows, rows)
-      call invert_carrying(self%M, can_carry(problem, self%inside), error)
+      rows = unknowns(points)
+      M = problem%G(rows, rows)
+      call invert_carrying(M, can_carry(problem, points), error)
       if (allocated(error)) then
          error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
          return
       end if
+      missed_now = missed(M, problem, points)
+      if (.not. missed_now <= singular_missed) then
+         call failure(error, 'contact compliance G is singular to working precision on the closed points: its inverse misses '// &
+            & to_text(missed_now, 2))
+         return
+      end if
+      self%missed_at_first = missed_now
+      call partition(self, problem%n_points, points)
+      call move_alloc(M, self%M)
       cross = problem%G(rows, 3*self%outside - 2)
       self%T_t = multiply(self%M, cross)
       call update_slopes(self, problem)
-      self%missed_at_first = missed(self, problem)
    end subroutine build
 
    !> Points join the base set (they are placed last, in the given order).
@@ -198,24 +209,27 @@ contains
    logical function is_accurate(self, problem)
       type(base_set_t), intent(in) :: self
       type(contact_problem_t), intent(in) :: problem
-      is_accurate = missed(self, problem) <= max(most_missed, 10.0_wp*self%missed_at_first)
+      is_accurate = missed(self%M, problem, self%inside) <= max(most_missed, 10.0_wp*self%missed_at_first)
    end function is_accurate
 
    !> Largest |G_AA M x - x| in some rows that can carry force, for an x without pattern and |x| <= 1.
-   real(wp) function missed(self, problem)
-      type(base_set_t), intent(in) :: self
+   real(wp) function missed(M, problem, points)
+      !> G_AA^-1, N/m
+      real(wp), intent(in), contiguous :: M(:, :)
       type(contact_problem_t), intent(in) :: problem
+      !> A
+      integer, intent(in) :: points(:)
       real(wp), allocatable :: x(:, :), Mx(:)
       integer, allocatable :: rows(:)
       logical, allocatable :: carries(:)
       integer :: k
 
       missed = 0.0_wp
-      rows = unknowns(self%inside)
+      rows = unknowns(points)
       allocate (x(size(rows), 1), Mx(size(rows)))
       call fill_random(x)
-      call product_symmetric(self%M, x(:, 1), Mx)
-      carries = can_carry(problem, self%inside)
+      call product_symmetric(M, x(:, 1), Mx)
+      carries = can_carry(problem, points)
       do k = 1, size(rows), max(1, size(rows)/probed_rows)
          if (.not. carries(k)) cycle
          missed = max(missed, abs(dot_product(problem%G(rows, rows(k)), Mx) - x(k, 1)))

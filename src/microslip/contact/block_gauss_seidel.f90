@@ -74,7 +74,7 @@ contains
       !> (3) increments: gap and slip, m
       real(wp), intent(out) :: x(3)
       integer, intent(out) :: status
-      real(wp) :: a(2), normal, radius
+      real(wp) :: a(2), normal, radius, settled
       integer :: k
 
       if (friction > 0.0_wp) then
@@ -92,8 +92,11 @@ contains
       if (norm2(a) <= friction*normal) return
       status = state_slip
       ! The slip changes the normal force through own(1, 2:3): a few substitutions settle the radius.
+      settled = -1.0_wp
       do k = 1, 20
          radius = friction*max(0.0_wp, normal + dot_product(own(1, 2:3), x(2:3)))
+         if (abs(radius - settled) <= 2.0_wp*epsilon(1.0_wp)*radius) exit
+         settled = radius
          x(2:3) = slip_for_radius(own(2:3, 2:3), a, radius)
       end do
    end subroutine solve_point

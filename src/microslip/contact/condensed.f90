@@ -28,8 +28,10 @@ module microslip_contact_condensed
 
    public :: condensed_solver_t
 
-   !> Newton steps before Gauss-Seidel is asked, sweeps it may take, and rounds of both.
-   integer, parameter :: newton_steps = 40, rescue_sweeps = 400, rescue_rounds = 10
+   !> Newton steps before Gauss-Seidel is asked, sweeps it may take, rounds of both, and rescues of a step in all.
+   integer, parameter :: newton_steps = 40, rescue_sweeps = 400, rescue_rounds = 10, most_rescues = 3*rescue_rounds
+   !> Rounds after which a residual above the largest force is taken for divergence.
+   integer, parameter :: patience = 3
    !> Part of the tolerance that Newton is asked for.
    real(wp), parameter :: newton_share = 1.0e-1_wp
    !> Rounds of solving and checking the rest.
@@ -45,6 +47,10 @@ module microslip_contact_condensed
    real(wp), parameter :: steps_ahead = 8.0_wp
    !> Rows that are kept while nothing moves.
    integer, parameter :: rows_at_rest = 32
+   !> Residual of a step that did not converge, over the tolerance, with which its forces are taken all the same.
+   real(wp), parameter :: acceptable = 1.0e3_wp
+   !> Forces that grow by more than this in a step are no measure for its residual.
+   real(wp), parameter :: runaway = 1.0e6_wp
 
    type, extends(contact_solver_t) :: condensed_solver_t
       !> Solve the blocks by the paper's projected Jacobi instead of Newton
@@ -65,6 +71,8 @@ module microslip_contact_condensed
       integer, private :: steps_since_refresh = 0, refresh_due = first_refresh
       !> Largest contact force of the last step, and when all were last known, N
       real(wp), private :: last_scale = 0.0_wp, known_scale = 0.0_wp
+      !> Nothing but the state, which is complete, can be relied on: a step came to nothing
+      logical, private :: lost = .false.
    contains
       procedure :: start
       procedure :: advance
@@ -80,7 +88,6 @@ contains
       type(contact_state_t), intent(in) :: state
       type(error_t), allocatable, intent(out) :: error
       logical :: in_base(problem%n_points)
-      integer :: p
 
       if (.not. is_symmetric(problem%G)) then
          call failure(error, 'contact compliance G is not symmetric')
@@ -98,11 +105,25 @@ contains
          deallocate (self%expected_closed)
       end if
       self%refresh_due = first_refresh
+      call begin_with(self, problem, state, in_base, error)
+   end subroutine start
+
+   !> Build the base set and count from the state.
+   subroutine begin_with(self, problem, state, in_base, error)
+      class(condensed_solver_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      !> (points)
+      logical, intent(in) :: in_base(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: p
+
       call self%base%build(problem, pack([(p, p=1, problem%n_points)], in_base), error)
-      if (allocated(error)) return
+      self%lost = allocated(error)
+      if (self%lost) return
       call self%lookout%survey(problem, self%base)
       call refresh(self, problem, state)
-   end subroutine start
+   end subroutine begin_with
 
    !> Symmetry up to rounding, seen by a vector: only one triangle of G enters.
    pure logical function is_symmetric(G)
@@ -206,8 +227,14 @@ contains
       integer, allocatable :: closing(:)
       integer :: round
       real(wp) :: scale
-      logical :: more, failed
+      logical :: more, hopeless
+      type(error_t), allocatable :: error
 
+      if (self%lost) call begin_with(self, problem, state, state%status /= state_open, error)
+      if (self%lost) then
+         call book_step(problem, state, state, record)
+         return
+      end if
       if (self%steps_since_refresh >= self%refresh_due) then
          self%refresh_due = min(5*self%refresh_due, refresh_after)
          call refresh(self, problem, state)
@@ -215,7 +242,7 @@ contains
       self%steps_since_refresh = self%steps_since_refresh + 1
       record%converged = .true.
       call shed_open_points(self, problem, state, record)
-      if (.not. record%converged) then
+      if (self%lost) then
          call book_step(problem, state, state, record)
          return
       end if
@@ -224,6 +251,8 @@ contains
       do round = 1, max_rounds
          scale = force_scale(self)
          call solve_blocks(self, scale, record)
+         hopeless = record%rescues >= most_rescues
+         if (hopeless) exit
          call evaluate_others(self%blocks, self%base%coupling)
          scale = force_scale(self)
          call free_violated(self, problem, state, self%tolerance*scale, more)
@@ -235,17 +264,24 @@ contains
          if (size(closing) == 0) exit
          ! Points that close join at the state before this step.
          if (.not. problem%velocity_level) closing = points_closing_soon(self, closing, q, state)
-         call take_in(self, problem, closing, state, record, failed)
-         if (failed) then
-            ! The base set is lost, not the state.
+         call take_in(self, problem, closing, state, record)
+         if (self%lost) then
             call book_step(problem, state, state, record)
             return
          end if
          call begin_step(self, problem, q, state)
       end do
-      record%converged = record%converged .and. round <= max_rounds
+      hopeless = hopeless .or. round > max_rounds
+      record%converged = record%converged .and. .not. hopeless
       self%last_scale = force_scale(self)
       record%residual = maxval(self%blocks%residual)/self%last_scale
+      if (hopeless .or. .not. (record%converged .or. record%residual <= acceptable*self%tolerance)) then
+         ! Forces that break the laws would mislead the steps to come: the state stays as it was before the step.
+         call self%complete(problem, state)
+         self%lost = .true.
+         call book_step(problem, state, state, record)
+         return
+      end if
       call commit(self, problem, q, state, spent, looked, record)
       if (.not. self%lazy) call self%complete(problem, state)
    end subroutine advance
@@ -291,14 +327,18 @@ contains
    !> Size of the largest contact force in the step, as last known, N.
    pure real(wp) function force_scale(self)
       class(condensed_solver_t), intent(in) :: self
+      real(wp) :: expected
       integer :: a, g
       logical :: all_open
 
       force_scale = self%known_scale
+      expected = max(self%known_scale, self%last_scale)
       all_open = count_columns(self%blocks) == size(self%base%inside)
       do g = 1, size(self%blocks)
          associate (block => self%blocks(g))
             force_scale = max(force_scale, maxval(block%trial(1, :block%columns)), maxval(block%predicted(1, :block%rows)))
+            expected = max(expected, maxval(block%predicted(1, :block%rows)), &
+               & maxval(block%stiffness_n(:block%columns)*abs(block%gap_old(:block%columns))))
             all_open = all_open .and. all(block%status(:block%columns) == state_open)
          end associate
       end do
@@ -311,7 +351,7 @@ contains
             force_scale = max(force_scale, self%blocks(g)%stiffness_n(a)*abs(self%blocks(g)%gap_old(a)))
          end do
       end do
-      force_scale = max(force_scale, tiny(1.0_wp))
+      force_scale = max(min(force_scale, runaway*expected), tiny(1.0_wp))
    end function force_scale
 
    !> A first guess which followed points must move: those that would leave their cones if the last step were repeated.
@@ -380,7 +420,7 @@ contains
             & newton_steps, steps, residual, force_error)
          record%iterations = record%iterations + steps
          record%error_estimate = force_error/scale
-         if (residual <= self%tolerance*scale) exit
+         if (residual <= self%tolerance*scale .or. (round > patience .and. .not. residual <= scale)) exit
          record%rescues = record%rescues + 1
          do g = 1, size(self%blocks)
             call self%kept(g)%drop()
@@ -510,13 +550,12 @@ contains
    end function points_closing_soon
 
    !> Take points into the base set at the state before the step, with their tangential gap there.
-   subroutine take_in(self, problem, points, state, record, failed)
+   subroutine take_in(self, problem, points, state, record)
       class(condensed_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(contact_state_t), intent(inout) :: state
       type(solve_record_t), intent(inout) :: record
-      logical, intent(out) :: failed
       type(error_t), allocatable :: error
       integer :: j
 
@@ -525,12 +564,10 @@ contains
          state%gap(:, points(j)) = gap_of_point(problem, state, points(j))
       end do
       call self%base%enter(problem, points, error)
-      failed = allocated(error)
       record%set_changes = record%set_changes + size(points)
-      if (failed) then
-         record%converged = .false.
-         return
-      end if
+      self%lost = allocated(error)
+      record%converged = .not. self%lost
+      if (self%lost) return
       call self%lookout%survey(problem, self%base)
       call refresh(self, problem, state)
    end subroutine take_in
@@ -549,8 +586,9 @@ contains
       call self%complete(problem, state)
       call self%base%leave(problem, open, error)
       record%set_changes = record%set_changes + size(open)
-      record%converged = .not. allocated(error)
-      if (allocated(error)) return
+      self%lost = allocated(error)
+      record%converged = .not. self%lost
+      if (self%lost) return
       call self%lookout%survey(problem, self%base)
       call refresh(self, problem, state)
    end subroutine shed_open_points
@@ -688,6 +726,7 @@ contains
       integer, allocatable :: free(:)
       integer :: j, n
 
+      if (self%lost) return
       n = size(self%base%inside)
       call present(self, state%q, force, gap)
       self%known_scale = max(0.0_wp, maxval(force(1, :)))

@@ -32,6 +32,8 @@ module microslip_contact_matrix_free
    real(wp), parameter :: rough = 1.0e-3_wp, fine = 1.0e-5_wp
    !> Steps after which gaps are computed anew from the forces (rounding).
    integer, parameter :: refresh_after = 100
+   !> Largest force over what closes the largest gap at one point alone: forces beyond that are no measure.
+   real(wp), parameter :: runaway = 1.0e3_wp
    !> Largest drag over the local compliance: beyond it a point's friction is as good as known.
    real(wp), parameter :: most_drag = 1.0e8_wp
 
@@ -60,6 +62,8 @@ module microslip_contact_matrix_free
       !> (3, points) what the last step had beyond the stick predictor: N and m
       real(wp), allocatable, private :: force_beyond(:, :), gap_beyond(:, :)
       integer, private :: steps_since_refresh = 0
+      !> Most that tolerances may refer to in the present step, N
+      real(wp), private :: largest_scale = huge(1.0_wp)
    contains
       procedure :: start
       procedure :: advance
@@ -140,11 +144,13 @@ contains
       if (self%steps_since_refresh >= refresh_after) self%gap = gap_of(problem, state%q, state%force)
       if (self%steps_since_refresh >= refresh_after) self%steps_since_refresh = 0
       self%steps_since_refresh = self%steps_since_refresh + 1
+      self%largest_scale = huge(1.0_wp)
       call predict(self, problem, state, q, stuck)
       call choose_start(self, problem, state, q, stuck, trial)
       scale = force_scale(self, trial)
       record%converged = trial%residual <= self%tolerance*scale
       if (.not. record%converged) then
+         self%largest_scale = runaway*unhindered_scale(self, problem, state, q)
          call newton(self, problem, state, q, trial, record, hold=allocated(self%expected_closed))
          if (.not. record%converged .and. trial%residual > near*force_scale(self, trial)) &
             & call rescue(self, problem, state, q, trial, record)
@@ -263,8 +269,22 @@ contains
 
       force_scale = maxval(trial%force(1, :))
       if (force_scale <= 0.0_wp) force_scale = maxval(-self%system%stiffness(1, :)*trial%gap(1, :))
-      force_scale = max(force_scale, tiny(1.0_wp))
+      force_scale = max(min(force_scale, self%largest_scale), tiny(1.0_wp))
    end function force_scale
+
+   !> What it takes to undo, at one point alone, the largest gap and slip that there would be without contact forces, N.
+   real(wp) function unhindered_scale(self, problem, state, q) result(scale)
+      class(matrix_free_solver_t), intent(in) :: self
+      type(contact_problem_t), intent(in) :: problem
+      !> Before the step
+      type(contact_state_t), intent(in) :: state
+      real(wp), intent(in) :: q(:)
+      real(wp) :: gap(3, problem%n_points)
+
+      gap = reshape(problem%r_0 + matmul(problem%R, q), shape(gap))
+      gap(2:3, :) = gap(2:3, :) - state%gap(2:3, :)
+      scale = maxval(self%system%stiffness*abs(gap))
+   end function unhindered_scale
 
    !> Newton steps from the trial until the laws hold.
    !>
@@ -417,7 +437,7 @@ contains
             call judge(self, problem, state, part)
             call newton(self, problem, state, way, part, record, hold=.true.)
          end do
-         if (part%residual < trial%residual) trial = part
+         if (record%converged .or. part%residual < trial%residual) trial = part
          if (record%converged) return
          parts = 2*parts
       end do

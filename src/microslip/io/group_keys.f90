@@ -18,6 +18,9 @@ module microslip_io_group_keys
 
    public :: group_keys_t, reading, writing
 
+   !> Beyond this size, and below its inverse, products and quotients of numbers leave the range of double precision.
+   real(wp), parameter :: largest_size = 1.0e100_wp
+
    !> One group, being read or being written.
    type, extends(group_text_t) :: group_keys_t
    contains
@@ -293,7 +296,13 @@ contains
 
       good = .not. given%quoted
       if (good) good = text_to_real(given%text, found)
-      if (good) good = range%includes(found)
+      if (good) then
+         if (abs(found) > largest_size .or. (abs(found) < 1.0_wp/largest_size .and. abs(found) > 0.0_wp)) then
+            call self%fault(element, '0, or a number of size 1e-100 to 1e100', given)
+            return
+         end if
+         good = range%includes(found)
+      end if
       if (good) then
          value = found
       else

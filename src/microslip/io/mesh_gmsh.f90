@@ -3,7 +3,7 @@
 !> gmsh does not tell a formulation: bricks are called C3D8 and C3D20.
 module microslip_io_mesh_gmsh
    use microslip_core_error, only: bad_input, error_t
-   use microslip_core_kinds, only: wp
+   use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
    use microslip_io_line_reader, only: line_reader_t, next_integer, next_real
    use microslip_io_mesh_builder, only: mesh_builder_t
@@ -14,6 +14,9 @@ module microslip_io_mesh_gmsh
 
    !> Node k of an Abaqus C3D20 is node abaqus_order(k) of a gmsh 20-node brick.
    integer, parameter :: abaqus_order(20) = [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 14, 10, 17, 19, 20, 18, 11, 13, 15, 16]
+
+   !> Most tags of an element of version 2.2 (gmsh writes 2, and partitions).
+   integer, parameter :: most_tags = 10000
 
    !> Name of a physical group.
    type :: group_t
@@ -166,6 +169,7 @@ contains
       type(mesh_builder_t), intent(inout) :: builder
       type(error_t), allocatable, intent(out) :: error
       integer :: head(4), count(1), b, k, tag(1)
+      integer(i8) :: bytes
       integer, allocatable :: tags(:)
 
       call file%expect_line(error)
@@ -185,7 +189,12 @@ contains
          call file%expect_line(error)
          if (.not. allocated(error)) call file%integers(head, error)
          if (allocated(error)) return
-         allocate (tags(max(0, head(4))))
+         inquire (file=file%lines%path, size=bytes)
+         if (head(4) < 0 .or. head(4) > bytes/2) then
+            call file%complain('a block of nodes (dimension, entity, 0 or 1, number of nodes)', error)
+            return
+         end if
+         allocate (tags(head(4)))
          do k = 1, size(tags)
             call file%expect_line(error)
             if (.not. allocated(error)) call file%integers(tag, error)
@@ -255,6 +264,10 @@ contains
             ! label, type, number of tags, tags (the first is the physical group), nodes
             call file%integers(start, error)
             if (allocated(error)) return
+            if (start(3) < 0 .or. start(3) > most_tags) then
+               call file%complain('an element (label, type, number of tags, tags, nodes)', error)
+               return
+            end if
             head(:1) = 0
             if (start(3) > 0) call file%integers(head, error)
             if (allocated(error)) return
