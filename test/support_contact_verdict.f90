@@ -4,7 +4,7 @@
 !> 1/G_nn of the point to turn displacements into forces:
 !>     penetration            -k u_n                       tension         -force_n
 !>     complementarity        min(k u_n, force_n)          Coulomb cone    |force_t| - mu force_n
-!>     maximal dissipation    min(k |slip|, |force_t + mu force_n slip/|slip||)
+!>     maximal dissipation    |force_t - w|, w the return of force_t - k slip to the disk of radius mu force_n
 !>     closed points          k |u_n - gap_n of the state|, k |slip - slip of the state|
 module support_contact_verdict
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
@@ -116,7 +116,7 @@ contains
       !> Both ends of the step
       type(contact_state_t), intent(in) :: before, state
       real(wp) :: worst
-      real(wp) :: gap(3, problem%n_points), old(3, problem%n_points), slip(2), k, limit
+      real(wp) :: gap(3, problem%n_points), old(3, problem%n_points), slip(2), returned(2), k, limit
       integer :: p
 
       gap = gap_of(problem, state%q, state%force)
@@ -128,7 +128,9 @@ contains
          associate (normal => state%force(1, p), friction => state%force(2:3, p))
             limit = problem%friction(p)*normal
             worst = max(worst, -k*gap(1, p), -normal, min(k*gap(1, p), normal), norm2(friction) - limit)
-            if (norm2(slip) > 0.0_wp) worst = max(worst, min(k*norm2(slip), norm2(friction + limit*slip/norm2(slip))))
+            returned = friction - k*slip
+            if (norm2(returned) > limit) returned = returned*(max(0.0_wp, limit)/norm2(returned))
+            worst = max(worst, norm2(friction - returned))
          end associate
          if (state%status(p) == state_open) cycle
          worst = max(worst, k*abs(gap(1, p) - state%gap(1, p)))

@@ -21,8 +21,8 @@ module support_stress_scenes
       logical :: regular = .true.
    end type stress_scene_t
 
-   !> Steps of the path that meets all regimes.
-   integer, parameter :: full_path = 60
+   !> Steps of the path that meets all regimes, and of its short version.
+   integer, parameter :: full_path = 60, short_path = 36
 
 contains
 
@@ -34,7 +34,7 @@ contains
       character(len=*), parameter :: word(4) = [character(len=4) :: '0', '0.01', '1', '5']
       integer :: k, n, size_of(2)
 
-      size_of = merge([5, 3], [7, 5], short)
+      size_of = merge([4, 3], [7, 5], short)
       associate (nx => size_of(1), ny => size_of(2))
          allocate (scenes(0))
          do k = 1, size(friction)
@@ -62,6 +62,7 @@ contains
             & coincident(half_space_like_problem(nx, ny, 0.4_wp), 1.0e-5_wp), all_regimes())]
          n = size(scenes)
          do k = 1, n
+            if (short) scenes(k)%path = scenes(k)%path(:, :min(short_path, size(scenes(k)%path, 2)))
             ! Grazing with slip: the normal force can be rounding of the tangential one.
             scenes(k)%regular = index(scenes(k)%name, 'coincident') == 0 .and. scenes(k)%name /= 'grazing'
          end do

@@ -87,7 +87,7 @@ contains
       type(stress_scene_t), allocatable :: scenes(:)
       type(stress_scene_t) :: same
       type(verdict_t) :: metre, other
-      real(wp), parameter :: per_metre(2) = [1.0e3_wp, 1.0e6_wp], sharp = 1.0e-13_wp, agreement = 1.0e-12_wp
+      real(wp), parameter :: per_metre(2) = [1.0e3_wp, 1.0e6_wp], sharp = 1.0e-12_wp, agreement = 1.0e-12_wp
       integer :: k, s, u
 
       scenes = stress_scenes(short=.true.)
