@@ -5,6 +5,7 @@ program main
    use microslip_cli_command_line, only: command_line_t, parse_command_line, process_arguments, help_text
    use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t
+   use microslip_core_interruption, only: watch_signals
    use microslip_core_version, only: program_version
    implicit none(type, external)
 
@@ -14,6 +15,7 @@ program main
 
    call prepare_process(warning)
    if (warning /= '') write (error_unit, '(2a)') 'microslip: warning: ', warning
+   call watch_signals()
    call parse_command_line(process_arguments(), line, error)
    if (.not. allocated(error)) then
       if (line%help) then

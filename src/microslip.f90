@@ -12,9 +12,9 @@ module microslip
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, rigid_material, half_space_pair
    use microslip_contact_factory, only: contact_options_t
-   use microslip_system_pad, only: pad_t, new_pad
+   use microslip_system_pad, only: pad_t, new_node_pad, new_pad
    use microslip_system_jointed_system, only: jointed_system_t, new_system
-   use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_analysis_operating_state, only: operating_state_t, undeformed_state
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_excitation, only: excitation_t

@@ -9,17 +9,22 @@ program main
    use test_analysis_harmonic_meter, only: collect_analysis_harmonic_meter
    use test_analysis_settling, only: collect_analysis_settling
    use test_cli_excitations, only: collect_cli_excitations
+   use test_cli_node_contact, only: collect_cli_node_contact
    use test_fe_base_load, only: collect_fe_base_load
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
    use test_analysis_preload, only: collect_analysis_preload
    use test_analysis_qsma, only: collect_analysis_qsma
    use test_analysis_ringdown, only: collect_analysis_ringdown
+   use test_cli_restart, only: collect_cli_restart
+   use test_analysis_restart, only: collect_analysis_restart
+   use test_core_archive, only: collect_core_archive
    use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
    use test_cli_modal_parameters, only: collect_cli_modal_parameters
    use test_contact_half_space, only: collect_contact_half_space
    use test_system_fft_compliance, only: collect_system_fft_compliance
+   use test_system_node_contact, only: collect_system_node_contact
    use test_io_fclib, only: collect_io_fclib
    use test_contact_any_compliance, only: collect_contact_any_compliance
    use test_contact_matrix_free, only: collect_contact_matrix_free
@@ -39,11 +44,15 @@ program main
    use test_halfspace_convolution, only: collect_halfspace_convolution
    use test_halfspace_coupling, only: collect_halfspace_coupling
    use test_halfspace_grid, only: collect_halfspace_grid
+   use test_fe_interface_mesh, only: collect_fe_interface_mesh
+   use test_halfspace_scale_filter, only: collect_halfspace_scale_filter
+   use test_system_scale_split, only: collect_system_scale_split
    use test_halfspace_love_cerruti, only: collect_halfspace_love_cerruti
    use test_io_calculix, only: collect_io_calculix
    use test_io_case_excitation, only: collect_io_case_excitation
    use test_io_case_faults, only: collect_io_case_faults
    use test_io_case_file, only: collect_io_case_file
+   use test_io_case_node_contact, only: collect_io_case_node_contact
    use test_io_hdf5, only: collect_io_hdf5
    use test_io_mesh_file, only: collect_io_mesh_file
    use test_io_model_file, only: collect_io_model_file
@@ -79,17 +88,22 @@ program main
       & new_testsuite('analysis_harmonic_meter', collect_analysis_harmonic_meter), &
       & new_testsuite('analysis_settling', collect_analysis_settling), &
       & new_testsuite('cli_excitations', collect_cli_excitations), &
+      & new_testsuite('cli_node_contact', collect_cli_node_contact), &
       & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &
       & new_testsuite('cli_modal_parameters', collect_cli_modal_parameters), &
       & new_testsuite('analysis_qsma', collect_analysis_qsma), &
       & new_testsuite('analysis_ringdown', collect_analysis_ringdown), &
+      & new_testsuite("cli_restart", collect_cli_restart), &
+      & new_testsuite("analysis_restart", collect_analysis_restart), &
+      & new_testsuite("core_archive", collect_core_archive), &
       & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &
       & new_testsuite('contact_half_space', collect_contact_half_space), &
       & new_testsuite('system_fft_compliance', collect_system_fft_compliance), &
+      & new_testsuite('system_node_contact', collect_system_node_contact), &
       & new_testsuite('io_fclib', collect_io_fclib), &
       & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
       & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
@@ -110,10 +124,14 @@ program main
       & new_testsuite('halfspace_coupling', collect_halfspace_coupling), &
       & new_testsuite('halfspace_grid', collect_halfspace_grid), &
       & new_testsuite('halfspace_love_cerruti', collect_halfspace_love_cerruti), &
+      & new_testsuite('fe_interface_mesh', collect_fe_interface_mesh), &
+      & new_testsuite('halfspace_scale_filter', collect_halfspace_scale_filter), &
+      & new_testsuite('system_scale_split', collect_system_scale_split), &
       & new_testsuite('io_calculix', collect_io_calculix), &
       & new_testsuite('io_case_excitation', collect_io_case_excitation), &
       & new_testsuite('io_case_faults', collect_io_case_faults), &
       & new_testsuite('io_case_file', collect_io_case_file), &
+      & new_testsuite('io_case_node_contact', collect_io_case_node_contact), &
       & new_testsuite('io_hdf5', collect_io_hdf5), &
       & new_testsuite('io_mesh_file', collect_io_mesh_file), &
       & new_testsuite('io_model_file', collect_io_model_file), &

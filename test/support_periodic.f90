@@ -76,6 +76,8 @@ contains
       system%n_loads = 1
       system%stiffness = reshape([spring], [1, 1])
       system%damping = [damping]
+      system%held = [0.0_wp]
+      system%imposed = [.false.]
       system%load_modal = reshape([1.0_wp], [1, 1])
       system%load_load = reshape([0.0_wp], [1, 1])
       system%sensor_modal = reshape([1.0_wp], [1, 1])

@@ -104,6 +104,13 @@ contains
          & table=reshape([0.0_wp, 1.0_wp, 0.1_wp, 3.0_wp, 0.4_wp, 0.0_wp], [2, 3]))
       call check(error, all(abs([blow%at(0.99_wp), blow%at(1.05_wp), blow%at(1.1_wp), blow%at(1.25_wp), blow%at(1.5_wp), &
          & blow%end()] - [0.0_wp, 4.0_wp, 6.0_wp, 3.0_wp, 0.0_wp, 1.4_wp]) < rounding))
+      if (allocated(error)) return
+      ! What ends at 3 stays there if it is to.
+      blow%table(2, 3) = 3.0_wp
+      call check(error, abs(blow%at(1.5_wp)) <= 0.0_wp)
+      if (allocated(error)) return
+      blow%stays = .true.
+      call check(error, abs(blow%at(1.5_wp) - 6.0_wp) < rounding .and. abs(blow%at(0.9_wp)) <= 0.0_wp)
    end subroutine test_table
 
    subroutine test_amplitudes(error)

@@ -27,6 +27,7 @@ contains
 
       testsuite = [ &
          & new_unittest('stuck: the boundary with contact springs', test_stuck), &
+         & new_unittest('some without friction: springs along the normal alone', test_frictionless), &
          & new_unittest('open: the structure without traction', test_open), &
          & new_unittest('open: frequencies of the FE model', test_fe_frequencies), &
          & new_unittest('between free and tied', test_bounds), &
@@ -50,17 +51,18 @@ contains
       if (.not. allocated(lib)) call run_preload(joint%system, options, contact, state, record, lib)
    end subroutine make_preloaded
 
-   !> K_ii - K_bi^T (K_bb + springs)^-1 K_bi, springs = W_c C_cc^-1 W_c^T over the points c. No points: K_bb alone.
-   subroutine condensed_stiffness(joint, closed, stiffness, lib)
+   !> K_ii - K_bi^T (K_bb + springs)^-1 K_bi, springs = W_c C_cc^-1 W_c^T over the unknowns c. None: K_bb alone.
+   subroutine condensed_stiffness(joint, held, stiffness, lib)
       type(brick_joint_t), intent(in) :: joint
-      logical, intent(in) :: closed(:)
+      !> (3, points) n, t1, t2
+      logical, intent(in) :: held(:, :)
       real(wp), allocatable, intent(out) :: stiffness(:, :)
       type(error_t), allocatable, intent(out) :: lib
       real(wp), allocatable :: W(:, :), C(:, :), springs(:, :), boundary(:, :), x(:, :)
       integer, allocatable :: rows(:)
-      integer :: p, k
+      integer :: k
 
-      rows = pack([(k, k=1, 3*size(closed))], [((closed(p), k=1, 3), p=1, size(closed))])
+      rows = pack([(k, k=1, size(held))], [held])
       boundary = joint%reduced%K_bb
       if (size(rows) > 0) then
          W = dense_coupling(joint%system%pads(1))
@@ -104,7 +106,7 @@ contains
       do k = 1, size(methods)
          call make_preloaded(trim(methods(k)), joint, state, lib)
          if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, 12, modes, lib)
-         if (.not. allocated(lib)) call condensed_stiffness(joint, state%contact%status /= state_open, stiffness, lib)
+         if (.not. allocated(lib)) call condensed_stiffness(joint, spread(state%contact%status /= state_open, 1, 3), stiffness, lib)
          if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)
          call good(error, lib)
          if (allocated(error)) return
@@ -112,6 +114,33 @@ contains
          if (allocated(error)) return
       end do
    end subroutine test_stuck
+
+   !> Every third point has no friction; unequal materials, so that tangential forces would lift.
+   subroutine test_frictionless(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(brick_joint_t) :: joint
+      type(operating_state_t) :: state
+      type(linear_modes_t) :: modes, stuck
+      real(wp), allocatable :: stiffness(:, :), frequency(:)
+      logical, allocatable :: held(:, :)
+
+      call make_preloaded(trim(methods(1)), joint, state, lib)
+      if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, 12, stuck, lib)
+      if (.not. allocated(lib)) then
+         joint%system%problem%friction(::3) = 0.0_wp
+         held = spread(state%contact%status /= state_open, 1, 3)
+         held(2:3, ::3) = .false.
+         call solve_linear_modes(joint%system, state%contact%status, 12, modes, lib)
+      end if
+      if (.not. allocated(lib)) call condensed_stiffness(joint, held, stiffness, lib)
+      if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, maxval(abs(modes%frequency/frequency - 1.0_wp)) <= exactness, 'frequencies')
+      if (.not. allocated(error)) call check(error, any(modes%frequency < (1.0_wp - 1.0e-4_wp)*stuck%frequency), &
+         & 'friction makes no difference')
+   end subroutine test_frictionless
 
    subroutine test_open(error)
       type(testing_error), allocatable, intent(out) :: error
@@ -123,8 +152,8 @@ contains
       call make_brick_joint(0.0_wp, 0.5_wp, joint, lib)
       if (.not. allocated(lib)) call solve_linear_modes(joint%system, spread(state_open, 1, joint%system%problem%n_points), &
          & 12, modes, lib)
-      if (.not. allocated(lib)) call condensed_stiffness(joint, spread(.false., 1, joint%system%problem%n_points), &
-         & stiffness, lib)
+      if (.not. allocated(lib)) call condensed_stiffness(joint, spread(spread(.false., 1, 3), 2, &
+         & joint%system%problem%n_points), stiffness, lib)
       if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)
       call good(error, lib)
       if (allocated(error)) return

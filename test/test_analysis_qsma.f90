@@ -1,13 +1,12 @@
 !> Tests of the quasi-static modal analysis: the linear limit, Masing's rule where it holds and where not, symmetry,
 !> energy balance, and agreement with a ring-down by time integration.
 module test_analysis_qsma
-   use microslip_analysis_decay_recorder, only: decay_recorder_t
    use microslip_analysis_excitation, only: excitation_t, kind_half_sine
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
-   use microslip_analysis_ringdown, only: identify_ringdown, ringdown_options_t, ringdown_t
+   use microslip_analysis_ringdown, only: decay_t, identify_ringdown, ringdown_options_t, ringdown_t
    use microslip_analysis_transient, only: run_transient, transient_options_t, transient_record_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t
@@ -323,8 +322,8 @@ contains
       type(operating_state_t) :: state
       type(linear_modes_t) :: modes
       type(qsma_record_t) :: record
-      type(history_t), target :: history
-      type(decay_recorder_t) :: recorder
+      type(history_t) :: history
+      type(decay_t) :: decay
       type(transient_options_t) :: options
       type(transient_record_t) :: summary
       type(ringdown_t) :: found
@@ -346,12 +345,14 @@ contains
       allocate (options%excitations(1))
       options%excitations(1) = excitation_t(load=system%n_loads, kind=kind_half_sine, amplitude=900.0_wp, duration=5.0e-4_wp)
       allocate (history%samples(0))
-      recorder%onward => history
-      recorder%phi = modes%shape(:, 1)
-      recorder%origin = state%modal
       call clock%start()
-      call run_transient(system, state, options, by(system), recorder, clock, summary, lib)
-      if (.not. allocated(lib)) call identify_ringdown(recorder%decay(), ringdown_options_t(start=5.0e-4_wp, &
+      call run_transient(system, state, options, by(system), history, clock, summary, lib)
+      associate (samples => history%samples)
+         decay%time = samples%time
+         decay%sensor = reshape([(samples(k)%sensor, k=1, size(samples))], [size(system%sensor_modal, 2), size(samples)])
+         decay%modal = [(dot_product(modes%shape(:, 1), samples(k)%modal - state%modal), k=1, size(samples))]
+      end associate
+      if (.not. allocated(lib)) call identify_ringdown(decay, ringdown_options_t(start=5.0e-4_wp, &
          & frequency=modes%frequency(1), overlap=0.5_wp, sensors=[1]), found, lib)
       if (.not. allocated(lib)) call analyse(system, state, 1, found%amplitude(size(found%time):1:-1), record, lib)
       call good(error, lib)

@@ -9,6 +9,7 @@ module test_cli
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_model_file, only: read_model_hdf5, write_model_hdf5
    use support_brick, only: block_model, block_t
+   use support_case_run, only: changed, run_case, write_text
    use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
@@ -99,7 +100,6 @@ contains
    function case_text(find, replacement) result(text)
       character(len=*), intent(in), optional :: find, replacement
       character(len=:), allocatable :: text
-      integer :: at
 
       text = "&case title = 'two blocks', analyses = 'preload', 'linear_modes', 'transient' /"//nl// &
          & "&model source = 'hdf5', file = '"//model_name//"' /"//nl// &
@@ -115,9 +115,7 @@ contains
          & "&transient duration = 1e-4 /"//nl// &
          & "&excitation load = 'hit', kind = 'half_sine', amplitude = 2000.0, duration = 3e-5 /"//nl// &
          & "&output sensors = 'upper_xmax', sensor_direction = 0, 0, 1, snapshots = 5e-5 /"//nl
-      if (.not. present(find)) return
-      at = index(text, find)
-      text = text(:at - 1)//replacement//text(at + len(find):)
+      if (present(find)) text = changed(text, find, replacement)
    end function case_text
 
    !> Write a case and run it in silence.
@@ -125,23 +123,9 @@ contains
       character(len=*), intent(in) :: text
       type(error_t), allocatable, intent(out) :: lib
       logical, intent(in), optional :: check_only
-      type(command_line_t) :: line
 
-      call write_text(case_path, text)
-      line%cases = words(case_path)
-      line%output = result_path
-      line%quiet = .true.
-      if (present(check_only)) line%check = check_only
-      call run_cases(line, lib)
+      call run_case(text, case_path, result_path, lib, check_only)
    end subroutine run
-
-   subroutine write_text(path, text)
-      character(len=*), intent(in) :: path, text
-      integer :: unit
-      open (newunit=unit, file=path, access='stream', form='unformatted', status='replace')
-      write (unit) text
-      close (unit)
-   end subroutine write_text
 
    subroutine test_options(error)
       type(testing_error), allocatable, intent(out) :: error
@@ -192,7 +176,6 @@ contains
       if (.not. allocated(error)) call expect('case.nml --output --check', '--output: a value must follow')
       if (.not. allocated(error)) call expect('a.nml b.nml --output o.h5', '--output: only with one case')
       if (.not. allocated(error)) call expect('a.nml --quiet --verbose', 'exclude one another')
-      if (.not. allocated(error)) call expect('a.nml --restart', '--restart')
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', "'--slow'")
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', 'exclude')
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', "'x'")
@@ -283,13 +266,9 @@ contains
       integer, allocatable :: potential(:, :), open(:), stick(:), slip(:)
       integer :: added, points, at
 
-      text = case_text('nx = 8, ny = 6 /', 'nx = 24, ny = 16, potential_margin = 1e-9 /')
-      at = index(text, 'height = 1e-6')
-      text = text(:at - 1)//'height = 5e-6'//text(at + len('height = 1e-6'):)
-      at = index(text, 'mode = 2')
-      text = text(:at - 1)//'mode = 1'//text(at + len('mode = 2'):)
-      at = index(text, 'amplitude = 2000.0')
-      text = text(:at - 1)//'amplitude = 1.0e6'//text(at + len('amplitude = 2000.0'):)
+      text = changed(case_text('nx = 8, ny = 6 /', 'nx = 24, ny = 16, potential_margin = 1e-9 /'), &
+         & [character(len=18) :: 'height = 1e-6', 'mode = 2', 'amplitude = 2000.0'], &
+         & [character(len=18) :: 'height = 5e-6', 'mode = 1', 'amplitude = 1.0e6'])
       call write_blocks(density, lib)
       if (.not. allocated(lib)) call run(text, lib)
       if (.not. allocated(lib)) call file%open(result_path, lib)

@@ -1,12 +1,11 @@
 !> Excitations and settling from a case file to the result file: the shipped coarse S4 Beam on a coarser grid and with
 !> fewer modes.
 module test_cli_excitations
-   use microslip_cli_command_line, only: command_line_t, text_t
-   use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_hdf5, only: hdf5_file_t
+   use support_case_run, only: changed, file_text, run_case
    use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, testing_error => error_type, unittest_type
    implicit none(type, external)
@@ -19,6 +18,10 @@ module test_cli_excitations
       & shipped = 'input/s4_ringdown.nml', table_path = 'build/test_cli_blow.txt'
    !> Begin of the part of the shipped case that is replaced.
    character(len=*), parameter :: cut = '&transient'
+   !> Changes for all tests
+   character(len=*), parameter :: old(4) = [character(len=20) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', &
+      & 'ratio = 0.001'], new(4) = [character(len=27) :: "file = '../input/s4_coarse", 'nx = 10, ny = 6', 'n_modes = 8', &
+      & 'ratio = 0.05']
 
 contains
 
@@ -34,45 +37,12 @@ contains
    subroutine run_with(analyses, tail, lib)
       character(len=*), intent(in) :: analyses, tail
       type(error_t), allocatable, intent(out) :: lib
-      type(command_line_t) :: line
       character(len=:), allocatable :: text
-      integer :: unit, length
 
-      open (newunit=unit, file=shipped, access='stream', form='unformatted', status='old', action='read')
-      inquire (unit=unit, size=length)
-      allocate (character(len=length) :: text)
-      read (unit) text
-      close (unit)
-      text = text(:index(text, cut) - 1)//tail
-      call replace(text, "file = 's4_coarse", "file = '../input/s4_coarse")
-      call replace(text, 'nx = 42, ny = 26', 'nx = 10, ny = 6')
-      call replace(text, 'n_modes = 30', 'n_modes = 8')
-      call replace(text, 'ratio = 0.001', 'ratio = 0.05')
-      call replace(text, "'preload', 'linear_modes', 'transient'", analyses)
-      open (newunit=unit, file=case_path, access='stream', form='unformatted', status='replace')
-      write (unit) text
-      close (unit)
-      line%cases = [text_t(case_path)]
-      line%output = result_path
-      line%quiet = .true.
-      call run_cases(line, lib)
+      text = file_text(shipped)
+      text = changed(text(:index(text, cut) - 1), old, new)//tail
+      call run_case(changed(text, "'preload', 'linear_modes', 'transient'", analyses), case_path, result_path, lib)
    end subroutine run_with
-
-   !> Replace a text everywhere.
-   subroutine replace(text, old, new)
-      character(len=:), allocatable, intent(inout) :: text
-      character(len=*), intent(in) :: old, new
-      integer :: at, from
-
-      from = 1
-      do
-         at = index(text(from:), old)
-         if (at == 0) exit
-         at = at + from - 1
-         text = text(:at - 1)//new//text(at + len(old):)
-         from = at + len(new)
-      end do
-   end subroutine replace
 
    subroutine test_settling_stepped(error)
       type(testing_error), allocatable, intent(out) :: error

@@ -1,12 +1,11 @@
 !> Modal parameters over amplitude from a case file to the result file: the shipped coarse S4 Beam on a coarser grid and
 !> with fewer modes, by quasi-static modal analysis and from its ring-down.
 module test_cli_modal_parameters
-   use microslip_cli_command_line, only: command_line_t, text_t
-   use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t, status_failed
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_hdf5, only: hdf5_file_t
+   use support_case_run, only: changed, file_text, run_case
    use support_checks, only: good, remove
    use testdrive, only: check, new_unittest, testing_error => error_type, unittest_type
    implicit none(type, external)
@@ -26,36 +25,6 @@ contains
       testsuite = [new_unittest('S4 Beam: ring-down agrees with QSMA', test_s4), &
          & new_unittest('too few samples: status 1, the rest is kept', test_stride)]
    end subroutine collect_cli_modal_parameters
-
-   !> Run the shipped case with one or more places changed.
-   subroutine run_changed(old, new, lib)
-      !> Texts that are replaced, everywhere; trailing blanks do not count
-      character(len=*), intent(in) :: old(:), new(:)
-      type(error_t), allocatable, intent(out) :: lib
-      type(command_line_t) :: line
-      character(len=:), allocatable :: text
-      integer :: unit, length, k, at
-
-      open (newunit=unit, file=shipped, access='stream', form='unformatted', status='old', action='read')
-      inquire (unit=unit, size=length)
-      allocate (character(len=length) :: text)
-      read (unit) text
-      close (unit)
-      do k = 1, size(old)
-         do
-            at = index(text, trim(old(k)))
-            if (at == 0) exit
-            text = text(:at - 1)//trim(new(k))//text(at + len_trim(old(k)):)
-         end do
-      end do
-      open (newunit=unit, file=case_path, access='stream', form='unformatted', status='replace')
-      write (unit) text
-      close (unit)
-      line%cases = [text_t(case_path)]
-      line%output = result_path
-      line%quiet = .true.
-      call run_cases(line, lib)
-   end subroutine run_changed
 
    !> Where one amplitude lies between those of a curve, linearly.
    pure real(wp) function between(x, y, at)
@@ -82,9 +51,10 @@ contains
       real(wp) :: difference(3)
       integer :: k
 
-      call run_changed([character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', 'duration = 0.4', &
+      call run_case(changed(file_text(shipped), &
+         & [character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', 'duration = 0.4', &
          & 'cycle = .true.'], [character(len=32) :: "file = '../input/s4_coarse", 'nx = 22, ny = 14', 'n_modes = 12', &
-         & 'duration = 0.15', 'cycle = .TRUE.'], lib)
+         & 'duration = 0.15', 'cycle = .TRUE.']), case_path, result_path, lib)
       if (.not. allocated(lib)) call file%open(result_path, lib)
       call good(error, lib)
       if (allocated(error)) return
@@ -127,9 +97,10 @@ contains
       type(hdf5_file_t) :: file
       logical :: kept
 
-      call run_changed([character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', 'duration = 0.4', &
+      call run_case(changed(file_text(shipped), &
+         & [character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', 'duration = 0.4', &
          & 'cycle = .true.', "  sensors"], [character(len=32) :: "file = '../input/s4_coarse", 'nx = 10, ny = 6', &
-         & 'n_modes = 12', 'duration = 0.1', 'levels = 2', ' stride = 60, sensors'], lib)
+         & 'n_modes = 12', 'duration = 0.1', 'levels = 2', ' stride = 60, sensors']), case_path, result_path, lib)
       call check(error, allocated(lib))
       if (.not. allocated(error)) call check(error, lib%status == status_failed .and. &
          & index(lib%message, 'samples of a period') > 0, lib%message)

@@ -3,9 +3,8 @@
 module test_contact_without_friction
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_condensed, only: condensed_solver_t
+   use microslip_contact_factory, only: contact_options_t, new_contact_solver
    use microslip_contact_laws, only: state_open, state_slip, state_stick
-   use microslip_contact_matrix_free, only: matrix_free_solver_t
-   use microslip_contact_newton, only: newton_t
    use microslip_contact_plain_jacobi, only: plain_jacobi_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, new_state, gap_of
    use microslip_core_error, only: mslip_error => error_t
@@ -27,13 +26,8 @@ contains
    subroutine collect_contact_without_friction(testsuite)
       type(unittest_type), allocatable, intent(out) :: testsuite(:)
       testsuite = [ &
-         & new_unittest('condensed = plain Jacobi', test_plain), &
-         & new_unittest('condensed = Newton on all points', test_newton), &
-         & new_unittest('condensed = eliminated Jacobi', test_eliminated), &
-         & new_unittest('condensed = by operator', test_operator), &
-         & new_unittest('mixed friction: condensed = plain Jacobi', test_mixed_plain), &
-         & new_unittest('mixed friction: condensed = eliminated Jacobi', test_mixed_eliminated), &
-         & new_unittest('mixed friction: condensed = by operator', test_mixed_operator), &
+         & new_unittest('condensed = all others', test_all), &
+         & new_unittest('mixed friction: condensed = all others', test_mixed), &
          & new_unittest('velocity level', test_velocity_level), &
          & new_unittest('one interface of two without friction', test_groups), &
          & new_unittest('a closed contact takes no iterations', test_no_iterations), &
@@ -119,61 +113,44 @@ contains
       call check(error, opened > problem%n_points/4, 'there was no lift-off')
    end subroutine compare
 
-   subroutine test_plain(error)
+   subroutine test_all(error)
       type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast
-      type(plain_jacobi_t) :: plain
 
-      call compare(scene(7, 5, .false.), scene(7, 5, .false.), fast, plain, error)
-   end subroutine test_plain
+      call compare_all(.false., [character(len=17) :: 'jacobi', 'newton', 'jacobi_eliminated', 'matrix_free'], error)
+   end subroutine test_all
 
-   subroutine test_newton(error)
+   subroutine test_mixed(error)
       type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast
-      type(newton_t) :: newton
 
-      call compare(scene(7, 5, .false.), scene(7, 5, .false.), fast, newton, error)
-   end subroutine test_newton
+      call compare_all(.true., [character(len=17) :: 'jacobi', 'jacobi_eliminated', 'matrix_free'], error)
+   end subroutine test_mixed
 
-   subroutine test_eliminated(error)
+   !> The condensed solver against others.
+   subroutine compare_all(mixed, names, error)
+      logical, intent(in) :: mixed
+      character(len=*), intent(in) :: names(:)
       type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast, eliminated
+      type(contact_problem_t) :: problem, problem_other
+      type(condensed_solver_t) :: fast, fresh
+      class(contact_solver_t), allocatable :: other
+      type(mslip_error), allocatable :: failure
+      integer :: k
 
-      eliminated%by_jacobi = .true.
-      call compare(scene(7, 5, .false.), scene(7, 5, .false.), fast, eliminated, error)
-   end subroutine test_eliminated
-
-   subroutine test_operator(error)
-      type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast
-      type(matrix_free_solver_t) :: free
-
-      call compare(scene(7, 5, .false.), with_outputs(scene(7, 5, .false.)), fast, free, error)
-   end subroutine test_operator
-
-   subroutine test_mixed_plain(error)
-      type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast
-      type(plain_jacobi_t) :: plain
-
-      call compare(scene(7, 5, .true.), scene(7, 5, .true.), fast, plain, error)
-   end subroutine test_mixed_plain
-
-   subroutine test_mixed_eliminated(error)
-      type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast, eliminated
-
-      eliminated%by_jacobi = .true.
-      call compare(scene(7, 5, .true.), scene(7, 5, .true.), fast, eliminated, error)
-   end subroutine test_mixed_eliminated
-
-   subroutine test_mixed_operator(error)
-      type(error_type), allocatable, intent(out) :: error
-      type(condensed_solver_t) :: fast
-      type(matrix_free_solver_t) :: free
-
-      call compare(scene(7, 5, .true.), with_outputs(scene(7, 5, .true.)), fast, free, error)
-   end subroutine test_mixed_operator
+      problem = scene(7, 5, mixed)
+      do k = 1, size(names)
+         call new_contact_solver(contact_options_t(trim(names(k))), other, failure)
+         call check(error,.not. allocated(failure), 'no solver '//names(k))
+         if (allocated(error)) return
+         problem_other = problem
+         if (names(k) == 'matrix_free') problem_other = with_outputs(problem)
+         fast = fresh
+         call compare(problem, problem_other, fast, other, error)
+         if (allocated(error)) then
+            error%message = trim(names(k))//': '//error%message
+            return
+         end if
+      end do
+   end subroutine compare_all
 
    !> The problem behind an operator, with its outputs.
    function with_outputs(problem) result(same)

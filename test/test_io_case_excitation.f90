@@ -5,6 +5,7 @@ module test_io_case_excitation
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: case_from_text, resolved_text
    use test_io_case_faults, only: beam_case
+   use support_case_run, only: changed
    use testdrive, only: check, new_unittest, test_failed, testing_error => error_type, unittest_type
    implicit none(type, external)
    private
@@ -27,16 +28,6 @@ contains
          & new_unittest('faults of the settling', test_settling), &
          & new_unittest('base excitation', test_base)]
    end subroutine collect_io_case_excitation
-
-   !> The valid case with one text replaced by another.
-   function changed(text, old, new) result(other)
-      character(len=*), intent(in) :: text, old, new
-      character(len=:), allocatable :: other
-      integer :: at
-
-      at = index(text, old)
-      other = text(:at - 1)//new//text(at + len(old):)
-   end function changed
 
    !> A case with another excitation; `tail` replaces the transient group.
    function excited(keys, tail) result(text)

@@ -206,7 +206,7 @@ contains
       type(series_t) :: time, sensor, field, count
       type(error_t), allocatable :: lib
       real(wp) :: block(components, steps), fields(2, components, steps)
-      real(wp), allocatable :: t(:), x(:, :), f(:, :, :)
+      real(wp), allocatable :: t(:), x(:, :), f(:, :, :), some(:, :)
       integer, allocatable :: c(:, :)
       integer :: k, b
 
@@ -244,6 +244,7 @@ contains
       call file%open(scratch, lib, writable=.true.)
       if (.not. allocated(lib)) call sensor%open(file, '/transient/sensor', lib, keep=steps)
       if (.not. allocated(lib)) call sensor%append(block(:, :1), lib)
+      if (.not. allocated(lib)) call sensor%read_steps(2, steps, some, lib)
       if (.not. allocated(lib)) call sensor%close(lib)
       if (.not. allocated(lib)) call file%read('/transient/time', t, lib)
       if (.not. allocated(lib)) call file%read('/transient/sensor', x, lib)
@@ -254,6 +255,8 @@ contains
       call check(error, size(t) == blocks*steps .and. t(steps + 1) == 2001.0_wp, 'time differs')
       if (allocated(error)) return
       call check(error, all(shape(x) == [components, steps + 1]), 'the series was not cut and continued')
+      if (allocated(error)) return
+      call check(error, all(some == x(:, 2:)), 'some steps differ')
       if (allocated(error)) return
       call check(error, all(x(:, steps + 1) == block(:, 1)) .and. x(2, 1) == 1002.0_wp, 'sensors differ')
       if (allocated(error)) return

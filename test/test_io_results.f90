@@ -44,6 +44,7 @@ contains
          & new_unittest('time series and snapshots', test_transient), &
          & new_unittest('samples are in the file after a failure', test_failed_run), &
          & new_unittest('all datasets have units and description', test_attributes), &
+         & new_unittest('a file is replaced as a whole', test_publish), &
          & new_unittest('a missing folder is an error', test_missing_folder)]
    end subroutine collect_io_results
 
@@ -55,7 +56,7 @@ contains
       type(transient_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: lib
       type(reduced_model_t) :: reduced
-      type(results_t) :: results
+      type(results_t), target :: results
       type(transient_results_t) :: recorder
       type(transient_options_t) :: options
       type(linear_modes_t) :: modes
@@ -298,7 +299,7 @@ contains
       type(testing_error), allocatable, intent(out) :: error
       type(reduced_model_t) :: reduced
       type(jointed_system_t) :: system
-      type(results_t) :: results
+      type(results_t), target :: results
       type(transient_results_t) :: recorder
       type(sample_t) :: samples(3)
       type(hdf5_file_t) :: file
@@ -401,6 +402,49 @@ contains
       end function is_list_of_texts
 
    end subroutine test_attributes
+
+   !> The old file is there until the new one is published; what is published can be read while the run goes on.
+   subroutine test_publish(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(results_t) :: results, other
+      type(hdf5_file_t) :: file
+      type(error_t), allocatable :: lib, in_use
+      character(len=:), allocatable :: input
+
+      call results%create(scratch, lib)
+      if (.not. allocated(lib)) call results%write_setup('old', '', lib)
+      if (.not. allocated(lib)) call results%close(lib)
+      if (.not. allocated(lib)) call results%create(scratch, lib)
+      if (.not. allocated(lib)) call results%write_setup('new', '', lib)
+      call expect('old')
+      if (.not. allocated(lib)) call results%publish(lib)
+      call expect('new')
+      if (.not. allocated(lib)) call results%write_setup('newer', '', lib)
+      if (.not. allocated(lib)) call results%publish_if_due(lib)
+      call expect('new')
+      call other%resume(scratch, in_use)
+      if (.not. allocated(error)) call check(error, allocated(in_use), 'two runs work on one file')
+      call results%discard()
+      call expect('new')
+      if (.not. allocated(lib)) call results%resume(scratch, lib)
+      if (.not. allocated(lib)) call results%write_setup('newest', '', lib)
+      if (.not. allocated(lib)) call results%close(lib)
+      call expect('newest')
+      call remove(scratch)
+
+   contains
+
+      subroutine expect(text)
+         character(len=*), intent(in) :: text
+         if (.not. allocated(lib)) call file%open(scratch, lib)
+         if (.not. allocated(lib)) call file%read('/setup/input', input, lib)
+         if (.not. allocated(lib)) call file%close(lib)
+         if (allocated(error)) return
+         call good(error, lib)
+         if (.not. allocated(error)) call check(error, input == text, input//' in place of '//text)
+      end subroutine expect
+
+   end subroutine test_publish
 
    subroutine test_missing_folder(error)
       type(testing_error), allocatable, intent(out) :: error

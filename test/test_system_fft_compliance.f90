@@ -181,6 +181,15 @@ contains
       call check(error, record_b%residual <= 10.0_wp*tolerance .and. record_b%error_estimate <= 10.0_wp*tolerance, 'residual')
       if (allocated(error)) return
       call check(error, maxval(abs(stiffness_a - stiffness_b)) <= agreement*maxval(abs(stiffness_a)), 'stuck stiffness')
+      if (allocated(error)) return
+      dense%problem%friction(::3) = 0.0_wp
+      fft%problem%friction(::3) = 0.0_wp
+      call stuck_stiffness(dense, a%contact%status, stiffness_a, lib)
+      if (.not. allocated(lib)) call stuck_stiffness(fft, b%contact%status, stiffness_b, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, maxval(abs(stiffness_a - stiffness_b)) <= agreement*maxval(abs(stiffness_a)), &
+         & 'stuck stiffness, some points without friction')
    end subroutine test_preload
 
    !> Contact options with a solver.
@@ -282,10 +291,11 @@ contains
       if (allocated(error)) return
       call check(error, dense_memory(1000) >= 8.0e6_wp)
       if (allocated(error)) return
-      call check(error, compliance_named('auto', 'condensed') == compliance_auto &
-         & .and. compliance_named('fft', 'condensed') == compliance_fft &
-         & .and. compliance_named('dense', 'condensed') == compliance_dense &
-         & .and. compliance_named('auto', 'jacobi') == compliance_dense)
+      call check(error, compliance_named('auto', 'condensed', .true.) == compliance_auto &
+         & .and. compliance_named('fft', 'condensed', .true.) == compliance_fft &
+         & .and. compliance_named('dense', 'condensed', .true.) == compliance_dense &
+         & .and. compliance_named('auto', 'jacobi', .true.) == compliance_dense &
+         & .and. compliance_named('auto', 'condensed', .false.) == compliance_dense)
    end subroutine test_choice
 
 end module test_system_fft_compliance

@@ -30,14 +30,17 @@ def main():
         return 1
     runner = Runner(options.program, work, options.time_limit)
     convolution = measure_convolution(options)
-    done = []
-    for name, make in studies.items():
-        if options.studies and name not in options.studies:
-            continue
-        study = make()
-        done.append((study, run_study(study, runner)))
+    wanted = [name for name in studies if not options.studies or name in options.studies]
+    earlier = {name: (make(), tables.read_csv(table_path(options, name))) for name, make in studies.items()
+               if name not in wanted and os.path.exists(table_path(options, name))}
+    done = {}
+    for name in wanted:
+        study = studies[name]()
+        done[name] = (study, run_study(study, runner))
+        write_study(options, *done[name])
         # After every study, so that an interrupted benchmark keeps what it has.
-        publish(options, done, convolution, runner, load, time.time() - began)
+        publish(options, [{**earlier, **done}[name] for name in studies if name in earlier or name in done], convolution, runner,
+                load, time.time() - began)
     print(f"{os.path.join(options.output, 'report.md')} after {time.time() - began:.0f} s")
     return 0 if any(not run.failure for run in runner.known.values()) else 1
 
@@ -77,11 +80,18 @@ def measure_convolution(options):
     return rows, diagrams.convolution(rows, os.path.join(options.output, "pictures", "convolution.png"))
 
 
-def publish(options, done, convolution, runner, load, seconds):
-    """Tables, pictures and report of the studies so far."""
-    study, rows = done[-1]
-    tables.write_csv(os.path.join(options.output, "tables", study.name + ".csv"), rows)
+def table_path(options, name):
+    return os.path.join(options.output, "tables", name + ".csv")
+
+
+def write_study(options, study, rows):
+    """Table and picture of a study."""
+    tables.write_csv(table_path(options, study.name), rows)
     diagrams.draw(study, rows, os.path.join(options.output, report.picture(study)))
+
+
+def publish(options, done, convolution, runner, load, seconds):
+    """The report of the studies so far, and of those of earlier calls."""
     ran = [run.result for run in runner.known.values() if not run.failure]
     surroundings = report.environment(options.program, ran[0] if ran else None)
     surroundings += [("load average", f"{load:.2f} at the start, {os.getloadavg()[0]:.2f} at the end, the benchmark's own included"),
@@ -102,8 +112,9 @@ def parse_command_line():
     parser.add_argument("--program", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--convolution", metavar="PROGRAM", help=argparse.SUPPRESS)
     parser.add_argument("--short", action="store_true", help="about two minutes, on the shipped coarse model")
-    parser.add_argument("--studies", nargs="+", metavar="NAME", help="only these: time_step modes grid mesh tolerance solvers "
-                        "scaling threads (default: all; mesh only without --short)",
+    parser.add_argument("--studies", nargs="+", metavar="NAME", help="measure only these, and keep what the folder has of "
+                        "the others: time_step modes grid mesh tolerance solvers scaling threads (default: all; mesh only "
+                        "without --short)",
                         choices="time_step modes grid mesh tolerance solvers scaling threads".split())
     parser.add_argument("--output", metavar="DIR", help="default: benchmark_short or benchmark_full in the current folder")
     parser.add_argument("--time-limit", type=float, metavar="S", help="per run (default: 60 with --short, else 7200)")

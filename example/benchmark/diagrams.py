@@ -89,9 +89,8 @@ def scaling(axes, study, rows):
         part = sorted(part, key=lambda row: row["contact_points"])
         points = [row["contact_points"] for row in part]
         axes[0].loglog(points, [row["ms_per_step"] for row in part], label=name, **style)
-        axes[1].loglog(points, [row["setup"] for row in part], label=f"{name}: set-up, s", **style)
-        axes[1].loglog(points, [row["memory"] * 1e-3 for row in part], label=f"{name}: memory, GB",
-                       **{**style, "linestyle": ":", "markerfacecolor": "none"})
+        axes[1].loglog(points, [row["setup"] for row in part], **style)
+        axes[1].loglog(points, [row["memory"] * 1e-3 for row in part], **{**style, "linestyle": ":", "markerfacecolor": "none"})
         name_points(axes[0], list(zip(points, [row["ms_per_step"] for row in part])), [row["label"] for row in part],
                     style["color"])
     axes[0].set(xlabel=label_of("contact_points"), ylabel=label_of("ms_per_step"), title="a slipping step")
@@ -100,6 +99,9 @@ def scaling(axes, study, rows):
     slope(axes[0], -1, 1, "N")
     slope(axes[0], -1, 2, "N²", "--")
     legend(axes[0], True)
+    # The colours are those of the steps.
+    axes[1].plot([], [], "o-", color="grey", label="set-up, s")
+    axes[1].plot([], [], "o:", color="grey", markerfacecolor="none", label="memory, GB")
     legend(axes[1], True)
 
 

@@ -30,7 +30,7 @@ def read_result(path):
             friction_loss=float(transient["energy/friction_loss"][-1]),
             frequency=file["linear_modes/frequency"][()],
             tractions=[read_tractions(file, name) for name in sorted(transient["snapshot"]) if name != "time"],
-            facts={"grid_points": int(file["model/grid_points"][()]), "contact_points": int(file["model/contact_points"][()]),
+            facts={"commit": str(file.attrs.get("commit", ""))[:12], "grid_points": int(file["model/grid_points"][()]), "contact_points": int(file["model/contact_points"][()]),
                    "closed_points": int(file["preload/contact/stick"][()] + file["preload/contact/slip"][()]),
                    "most_slipping": int(transient["contact/slip"][()].max()),
                    "fe_coordinates": int(file["model/boundary_coordinates"][()]),

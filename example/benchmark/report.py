@@ -64,7 +64,7 @@ def write_report(folder, kind, surroundings, tables, convolution):
              "together `benchmark.h5`.", "",
              "| | |", "| --- | --- |", *[f"| {name} | {value} |" for name, value in surroundings], ""]
     for study, rows in tables:
-        lines += [f"## {study.title}", "", study.text, ""]
+        lines += [f"## {study.title}", "", study.text, "", measured(rows), ""]
         if os.path.exists(os.path.join(folder, picture(study))):
             lines += [f"![{study.title}]({picture(study)})", ""]
         lines += [markdown(study, rows), ""]
@@ -72,6 +72,12 @@ def write_report(folder, kind, surroundings, tables, convolution):
     lines += convolution_section(convolution)
     with open(os.path.join(folder, "report.md"), "w", encoding="utf-8") as file:
         file.write("\n".join(lines).rstrip() + "\n")
+
+
+def measured(rows):
+    """When, and with which program: studies may be from different days."""
+    days, commits = ([value for value in dict.fromkeys(row.get(name) for row in rows) if value] for name in ("day", "commit"))
+    return f"Measured {', '.join(days) or 'on a day not recorded'}, commit {', '.join(commits) or 'not recorded'}."
 
 
 def convolution_section(convolution):

@@ -24,6 +24,7 @@ class Study:
     text: str
     parameter: str              # what is varied: a column of the table (tables.py), an axis of the diagram
     variations: list
+    labels: str = ""            # what the labels of the variations are, if not values of the parameter
     diagram: str = "precision"  # or "scaling", "threads" (diagrams.py)
     missing: list = field(default_factory=list)  # what cannot be run here, and why
 
@@ -115,7 +116,8 @@ def grid_study(base, grids, finest):
         + (", or the next coarser of this list that runs: " + ", ".join(map(cells, finest[1:])) if finest[1:] else "")
         + ". Different grids are compared by forces on patches, and resolve the bore differently.",
         "grid_points",
-        [Variation(f"{nx}x{ny}", base.solver, replace(base, nx=nx, ny=ny), references) for nx, ny in grids])
+        [Variation(f"{nx}x{ny}", base.solver, replace(base, nx=nx, ny=ny), references) for nx, ny in grids],
+        labels="cells on each pad")
 
 
 def mesh_study(base, names, program, folder):
@@ -174,7 +176,7 @@ def scaling_study(base, grids, curves):
         "contact_points",
         [Variation(f"{nx}x{ny}", name, replace(base, nx=nx, ny=ny, **changes), references)
          for name, (changes, limit) in curves.items() for nx, ny in grids if 2 * nx * ny <= limit],
-        diagram="scaling")
+        labels="cells on each pad", diagram="scaling")
 
 
 def thread_study(scenes, counts):

@@ -1,5 +1,6 @@
 """The columns of all tables; rows of runs; CSV, HDF5 and Markdown."""
 import csv
+import time
 from collections import namedtuple
 
 import h5py
@@ -48,6 +49,8 @@ COLUMNS = [Column(*column) for column in [
     ("own", "cores", ".2f", "cores that the run used"),
     ("others", "cores", ".2f", "cores in use by other processes meanwhile"),
     ("reference", "", "", "the reference is: another run, or this one"),
+    ("day", "", "", "when it was measured"),
+    ("commit", "", "", "commit of the program"),
     ("failure", "", "", "why there is no result"),
 ]]
 BY_NAME = {column.name: column for column in COLUMNS}
@@ -74,7 +77,8 @@ def row_of(variation, run, reference):
     case = run.case
     row = {"label": variation.label, "curve": variation.curve, "solver": case.solver, "tolerance": case.tolerance,
            "modes": case.n_modes, "time_step": case.time_step, "threads": case.threads, "grid_points": 2 * case.nx * case.ny,
-           "steps": case.steps(), "memory": run.memory / 1e6, "own": run.own, "others": run.others, "failure": run.failure}
+           "steps": case.steps(), "memory": run.memory / 1e6, "own": run.own, "others": run.others, "failure": run.failure,
+           "day": time.strftime("%Y-%m-%d"), "commit": ""}
     if run.failure:
         return row
     result = read_result(run.result)
@@ -110,6 +114,18 @@ def write_csv(path, rows):
             writer.writerow([row.get(c.name, "") if not is_nan(row.get(c.name)) else "" for c in COLUMNS])
 
 
+def read_csv(path):
+    """The rows of a table that was written before."""
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = [{name.partition(" [")[0]: value for name, value in row.items()} for row in csv.DictReader(file)]
+    return [{name: number(name, value) if BY_NAME[name].unit else value for name, value in row.items()
+             if name in BY_NAME and (value or not BY_NAME[name].unit)} for row in rows]
+
+
+def number(name, text):
+    return round(float(text)) if BY_NAME[name].form == "d" else float(text)
+
+
 def write_hdf5(path, tables, convolution, attributes):
     """One group per study, one dataset per column; NaN where a table has no number."""
     with h5py.File(path, "w") as file:
@@ -138,7 +154,7 @@ def markdown(study, rows):
     names = [name for name in SHOWN if any(not empty(row.get(name)) for row in rows)]
     # What is the same in all rows is not shown, but for the number of contact points.
     names = [name for name in names if name not in ("curve", "fe_coordinates") or len({row.get(name) for row in rows}) > 1]
-    headings = {**HEADINGS, "label": BY_NAME[study.parameter].meaning}
+    headings = {**HEADINGS, "label": study.labels or BY_NAME[study.parameter].meaning}
     lines = ["| " + " | ".join(headings.get(name, name) for name in names) + " |", "| --- " * len(names) + "|"]
     lines += ["| " + " | ".join(shown(row, name) for name in names) + " |" for row in rows]
     return "\n".join(lines)

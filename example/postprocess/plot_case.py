@@ -234,20 +234,34 @@ def draw_balance(ax, result):
 
 
 def draw_map(ax, interface, values, cmap, limit):
-    """A field on one interface: colour where closed, grey where open, white where there is no grid point."""
+    """A field on one interface: colour where closed, grey where open, white where there is no grid point.
+
+    Contact points at the FE nodes are lists, not maps: dots."""
     x, y = interface["x"] * 1e3, interface["y"] * 1e3
-    half = [0.5 * (a[1] - a[0]) if len(a) > 1 else 0.5 for a in (x, y)]
-    place = {"origin": "lower", "aspect": "equal", "interpolation": "nearest",
-             "extent": (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])}
-    grey = matplotlib.colors.ListedColormap([NO_CONTACT])
-    ax.imshow(np.ma.masked_where(~interface["inside"], np.zeros(values.shape)), cmap=grey, **place)
-    image = ax.imshow(np.ma.masked_invalid(values), cmap=cmap, vmin=0.0, vmax=limit, **place)
+    if values.ndim == 1:
+        closed = np.isfinite(values)
+        ax.scatter(x[~closed], y[~closed], s=9, color=NO_CONTACT)
+        image = ax.scatter(x[closed], y[closed], s=9, c=values[closed], cmap=cmap, vmin=0.0, vmax=limit)
+        ax.set_aspect("equal")
+    else:
+        image = draw_cells(ax, interface, values, cmap, limit)
     ax.grid(False)
     for side in ax.spines.values():
         side.set_visible(False)
     ax.tick_params(length=2, labelsize=8)
     ax.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 5, 10], prune="both"))
     return image
+
+
+def draw_cells(ax, interface, values, cmap, limit):
+    """A map on the grid of an interface."""
+    x, y = interface["x"] * 1e3, interface["y"] * 1e3
+    half = [0.5 * (a[1] - a[0]) if len(a) > 1 else 0.5 for a in (x, y)]
+    place = {"origin": "lower", "aspect": "equal", "interpolation": "nearest",
+             "extent": (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])}
+    grey = matplotlib.colors.ListedColormap([NO_CONTACT])
+    ax.imshow(np.ma.masked_where(~interface["inside"], np.zeros(values.shape)), cmap=grey, **place)
+    return ax.imshow(np.ma.masked_invalid(values), cmap=cmap, vmin=0.0, vmax=limit, **place)
 
 
 def draw_maps(figure, axes, result, states, names):

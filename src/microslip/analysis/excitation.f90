@@ -6,7 +6,7 @@
 !>     swept_sine    the same, c' = f + r t (linear) or f 2^(r t) (logarithmic)
 !>     table         A times a given function, straight lines between its points
 !> w(t) = sin^2(pi t/(2 ramp)) up to the end of the ramp, then 1. c is continuous, and so is the phase. Stepped and
-!> swept sines and tables are zero behind their end.
+!> swept sines and tables are zero behind their end; a table that stays keeps its last value.
 module microslip_analysis_excitation
    use microslip_core_kinds, only: wp, pi
    implicit none(type, external)
@@ -42,6 +42,8 @@ module microslip_analysis_excitation
       integer, allocatable :: periods(:)
       !> table: (2, points) time, ascending, and value
       real(wp), allocatable :: table(:, :)
+      !> table: whether the last value goes on behind its end
+      logical :: stays = .false.
    contains
       procedure :: at
       procedure :: angle
@@ -61,7 +63,11 @@ contains
 
       t = time - self%start
       at = 0.0_wp
-      if (t < 0.0_wp .or. time > self%end()) return
+      if (t < 0.0_wp) return
+      if (time > self%end()) then
+         if (self%stays) at = self%amplitude*self%table(2, size(self%table, 2))
+         return
+      end if
       select case (self%kind)
       case (kind_half_sine)
          at = self%amplitude*pulses(self, t)

@@ -10,6 +10,7 @@
 !> |difference of all harmonics|, over the largest |harmonics 1 to H|. Other sines: a window begins every n/2 periods.
 module microslip_analysis_harmonic_meter
    use microslip_analysis_excitation, only: excitation_t, kind_stepped_sine
+   use microslip_core_archive, only: archive_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, pi
    use microslip_core_text, only: to_text
@@ -62,6 +63,7 @@ module microslip_analysis_harmonic_meter
    contains
       procedure :: start
       procedure :: observe
+      procedure :: pass
    end type harmonic_meter_t
 
 contains
@@ -117,6 +119,24 @@ contains
          if (next >= self%fit(k)%first + self%window - cycle_rounding) call finish_window(self, k, excitation)
       end do
    end subroutine observe
+
+   !> Store what changes after `start`, or take it back. What was measured must have been taken.
+   subroutine pass(self, archive)
+      class(harmonic_meter_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+      integer :: k
+
+      call archive%pass(self%step)
+      call archive%pass(self%windows)
+      call archive%pass(self%before)
+      do k = 1, size(self%fit)
+         call archive%pass(self%fit(k)%first)
+         call archive%pass(self%fit(k)%weight)
+         call archive%pass(self%fit(k)%moment)
+         call archive%pass(self%fit(k)%normal)
+         call archive%pass(self%fit(k)%right)
+      end do
+   end subroutine pass
 
    !> Add a sample to the sums.
    subroutine add(fit, harmonics, place, theta, time, sensor)

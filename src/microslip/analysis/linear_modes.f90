@@ -1,9 +1,9 @@
 !> Linear modes about the preload: all closed points stick (METHOD section 7).
 !>
 !>     (Khat + R_c^T G_cc^-1 R_c) phi = omega^2 phi,   phi^T phi = 1   (modal mass is the identity)
-!> over the n_i modal coordinates; c: closed points, all three components.
+!> over the n_i modal coordinates; c: closed points, all three components, or the normal one where there is no friction.
 module microslip_analysis_linear_modes
-   use microslip_contact_closed_system, only: closed_system_t
+   use microslip_contact_closed_system, only: closed_system_t, state_frictionless
    use microslip_contact_laws, only: state_open, state_stick
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, pi
@@ -36,8 +36,10 @@ contains
       integer, allocatable :: rows(:)
       integer :: p, c
 
-      rows = [((3*p - 3 + c, c=1, 3), p=1, size(status))]
-      rows = pack(rows, status([((p, c=1, 3), p=1, size(status))]) /= state_open)
+      associate (friction => system%problem%friction)
+         rows = pack([((3*p - 3 + c, c=1, 3), p=1, size(status))], &
+            & [((status(p) /= state_open .and. (c == 1 .or. friction(p) > 0.0_wp), c=1, 3), p=1, size(status))])
+      end associate
       stiffness = system%stiffness
       if (size(rows) == 0) return
       if (allocated(system%problem%compliance)) then
@@ -64,10 +66,13 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(closed_system_t) :: closed
       real(wp), allocatable :: R(:, :), x(:, :)
+      integer, allocatable :: states(:)
 
       R = system%problem%R(:, :system%n_modes)
       associate (problem => system%problem)
-         call closed%set_up(problem%compliance, problem%friction, merge(state_stick, state_open, status /= state_open))
+         states = merge(state_stick, state_frictionless, problem%friction > 0.0_wp)
+         where (status == state_open) states = state_open
+         call closed%set_up(problem%compliance, problem%friction, states)
          call closed%learn(problem%compliance, error)
          if (allocated(error)) return
          allocate (x, mold=R)

@@ -4,7 +4,7 @@
 !> without friction, plus a margin. Leaving out is verified by the analyses afterwards; where points had to join, the
 !> state an analysis started from is carried over to the wider set.
 module microslip_analysis_potential_set
-   use microslip_analysis_preload, only: preload_options_t, static_problem, frictionless_preload
+   use microslip_analysis_preload, only: preload_options_t, static_problem, static_modal, frictionless_preload
    use microslip_contact_laws, only: state_open
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, gap_of
    use microslip_core_error, only: error_t, failure
@@ -159,15 +159,13 @@ contains
       real(wp) :: forces(3, problem%n_points), loads(system%n_loads)
       real(wp), allocatable :: gap(:, :)
       logical :: touched(size(initial_gap))
-      integer :: k, n
+      integer :: k
 
       forces = 0.0_wp
       forces(1, :) = force
-      loads = 0.0_wp
+      loads = system%held
       loads(options%loads) = amplitude
-      n = size(amplitude)
-      gap = system%gaps_everywhere(matmul(response(:, :n), amplitude) + matmul(response(:, n + 1:), &
-         & reshape(forces, [size(forces)])), forces, loads)
+      gap = system%gaps_everywhere(static_modal(system, response, amplitude, forces), forces, loads)
       touched = unpack(closed, potential, gap(1, :) < 0.0_wp)
       do k = 1, size(reach)
          reach(k) = maxval(initial_gap, touched .and. pad_of == k)

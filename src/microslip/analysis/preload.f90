@@ -6,6 +6,9 @@
 !> Friction has a memory: the loads are applied in the given number of steps, each one an equilibrium. The
 !> load amplitudes are found by Broyden's method on the interface forces, started from the frictionless
 !> contact. Normal contact in statics is on gap level.
+!>
+!> An initial pressure is on before the first load: r_0 = -G_static lambda_0, and in the modes lambda - lambda_0 takes the
+!> place of lambda. Energies then count from the undeformed state.
 module microslip_analysis_preload
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
@@ -24,7 +27,7 @@ module microslip_analysis_preload
    implicit none(type, external)
    private
 
-   public :: preload_options_t, preload_record_t, run_preload, static_problem, frictionless_preload
+   public :: preload_options_t, preload_record_t, run_preload, static_problem, static_modal, frictionless_preload
 
    !> Relative accuracy of the interface forces.
    real(wp), parameter :: force_tolerance = 1.0e-9_wp
@@ -68,7 +71,8 @@ contains
       !> (modes, loads + 3 points)
       real(wp), allocatable, intent(out) :: response(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: factor(:, :)
+      real(wp), allocatable :: factor(:, :), still(:, :)
+      real(wp) :: held(system%n_loads)
       integer :: n, m, k
 
       n = 3*system%problem%n_points
@@ -88,6 +92,13 @@ contains
       problem%n_points = system%problem%n_points
       problem%friction = system%problem%friction
       problem%r_0 = system%problem%r_0
+      held = system%held
+      held(loads) = 0.0_wp
+      if (any(held /= 0.0_wp)) then
+         still = reshape(matmul(system%load_modal, held), [system%n_modes, 1])
+         call cholesky_solve(factor, still)
+         problem%r_0 = problem%r_0 + matmul(system%problem%R, [still(:, 1), held])
+      end if
       if (allocated(system%problem%compliance)) then
          call system%static_compliance(factor, problem%compliance)
       else
@@ -101,6 +112,21 @@ contains
       problem%R = system%problem%R(:, system%n_modes + loads) &
          & + matmul(system%problem%R(:, :system%n_modes), response(:, :m))
    end subroutine static_problem
+
+   !> d_i of the statics under load amplitudes and contact forces, (modes).
+   pure function static_modal(system, response, amplitude, force) result(modal)
+      type(jointed_system_t), intent(in) :: system
+      !> (modes, loads + 3 points) of `static_problem`
+      real(wp), intent(in) :: response(:, :)
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp) :: modal(size(response, 1))
+
+      modal = matmul(response(:, :size(amplitude)), amplitude) &
+         & + matmul(response(:, size(amplitude) + 1:), reshape(force - system%initial_force(), [size(force)]))
+   end function static_modal
 
    !> Load amplitudes and closed points of the frictionless preload.
    subroutine frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
@@ -246,7 +272,7 @@ contains
       call frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
       if (allocated(error)) return
 
-      now = new_state(problem)
+      now = new_state(problem, system%initial_force())
       call new_contact_solver(contact, solver, error)
       if (allocated(error)) return
       select type (solver)
@@ -355,19 +381,17 @@ contains
       type(operating_state_t), intent(out) :: state
       type(preload_record_t), intent(inout) :: record
       real(wp), allocatable :: gap(:, :), local(:)
-      integer :: n, p
+      integer :: p
 
-      n = size(options%loads)
       if (allocated(problem%compliance)) then
          gap = problem%compliance%local_stiffness()
          local = 1.0_wp/gap(1, :)
       else
          local = [(problem%G(3*p - 2, 3*p - 2), p=1, problem%n_points)]
       end if
-      allocate (state%amplitude(system%n_loads), source=0.0_wp)
+      state%amplitude = system%held
       state%amplitude(options%loads) = now%q
-      state%modal = matmul(response(:, :n), now%q) &
-         & + matmul(response(:, n + 1:), reshape(now%force, [3*problem%n_points]))
+      state%modal = static_modal(system, response, now%q, now%force)
       state%contact = now
       state%contact%q = [state%modal, state%amplitude]
       ! Points outside the solver's base set know their normal gap only.
@@ -380,7 +404,8 @@ contains
                & (local(p)*maxval(now%force)))
          end if
       end do
-      record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points])))
+      record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points]))) &
+         & + 0.5_wp*sum(system%initial_force()*reshape(problem%r_0, [3, problem%n_points]))
    end subroutine finish
 
 end module microslip_analysis_preload

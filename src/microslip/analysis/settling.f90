@@ -20,6 +20,7 @@ module microslip_analysis_settling
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
    use microslip_contact_laws, only: state_open
    use microslip_contact_problem, only: contact_problem_t, contact_solver_t, contact_state_t, gap_of, solve_record_t
+   use microslip_core_archive, only: archive_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_stopwatch, only: stopwatch_t
@@ -46,6 +47,8 @@ module microslip_analysis_settling
       real(wp) :: time_step = 0.0_wp
       !> Every `stride`-th step is recorded
       integer :: stride = 1
+      !> Steps between two restart points
+      integer :: restart_stride = 20000
    end type settling_options_t
 
    !> What an impact left behind, and what happened during it. Fields on the grid points of all pads; NaN where a point
@@ -92,12 +95,13 @@ module microslip_analysis_settling
       procedure :: snapshot
       procedure :: progress
       procedure :: verified
+      procedure :: restart_point
    end type settling_recorder_t
 
 contains
 
-   !> Run the impacts; the state becomes the equilibrium that they end in.
-   subroutine run_settling(system, state, options, contact_options, onward, clock, record, error)
+   !> Run the impacts, or go on from a restart point; the state becomes the equilibrium that they end in.
+   subroutine run_settling(system, state, options, contact_options, onward, clock, record, error, point)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       !> Equilibrium to start from, equilibrium in the end
@@ -110,6 +114,8 @@ contains
       type(stopwatch_t), intent(inout) :: clock
       type(settling_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
+      !> Of the same run, as `onward` was given it
+      integer, intent(in), optional :: point(:)
       type(settling_recorder_t) :: recorder
       logical, allocatable :: before(:)
 
@@ -123,7 +129,8 @@ contains
       allocate (recorder%after(0:size(options%amplitude)))
       call begin(recorder, system, state)
       before = potential_points(system)
-      call run_transient(system, state, transient_of(options), contact_options, recorder, clock, record%transient, error)
+      call run_transient(system, state, transient_of(options), contact_options, recorder, clock, record%transient, error, &
+         & point)
       allocate (record%after(0:recorder%impacts))
       record%after = recorder%after(:recorder%impacts)
       if (record%transient%points_added > 0) call carry_over(system, before, state%contact)
@@ -146,6 +153,7 @@ contains
       transient%duration = size(options%amplitude)*options%interval
       transient%time_step = options%time_step
       transient%stride = options%stride
+      transient%restart_stride = options%restart_stride
       allocate (transient%excitations(size(options%amplitude)))
       do k = 1, size(options%amplitude)
          transient%excitations(k) = excitation_t(load=options%load, kind=kind_half_sine, amplitude=options%amplitude(k), &
@@ -266,6 +274,36 @@ contains
       integer, intent(in) :: counts(3)
       call self%onward%progress(time, counts)
    end subroutine progress
+
+   !> The sums and the impacts so far.
+   subroutine restart_point(self, archive, error)
+      class(settling_recorder_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      call archive%pass(self%impacts)
+      do k = 1, min(self%impacts, ubound(self%after, 1))
+         associate (after => self%after(k))
+            call archive%pass(after%sensor)
+            call archive%pass(after%slip_ratio)
+            call archive%pass(after%largest_slip_ratio)
+            call archive%pass(after%slip)
+            call archive%pass(after%largest_slip)
+         end associate
+      end do
+      call archive%pass(self%taken)
+      call archive%pass(self%sensor)
+      call archive%pass(self%force)
+      call archive%pass(self%slip)
+      call archive%pass(self%known)
+      call archive%pass(self%before)
+      call archive%pass(self%known_before)
+      call archive%pass(self%largest_slip_ratio)
+      call archive%pass(self%largest_slip)
+      call self%last%pass(archive)
+      call self%onward%restart_point(archive, error)
+   end subroutine restart_point
 
    !> The largest slip ratio and slip up to here.
    subroutine verified(self, system, contact, slipped)

@@ -14,13 +14,21 @@
 !> handed on only after that. If one would close, it joins and the run repeats from the last check.
 !> The harmonics of the sensors under a sine are found on the way, and may lead a stepped sine on
 !> (`microslip_analysis_harmonic_meter`).
+!>
+!> Every `restart_stride` steps, at the next check, the run is brought to a restart point: the contact solver begins
+!> anew from the contact state, so that what follows depends on the motion alone, and the motion goes to the recorder.
+!> A run that is resumed from such a point has the same bits as one that was never interrupted.
 module microslip_analysis_transient
    use microslip_analysis_excitation, only: excitation_t, end_of_all, load_amplitudes
-   use microslip_analysis_harmonic_meter, only: harmonic_meter_t, harmonic_window_t
+   use microslip_analysis_harmonic_meter, only: harmonic_meter_t
+   use microslip_analysis_motion, only: motion_t
    use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_analysis_potential_set, only: potential_points
+   use microslip_analysis_transient_recorder, only: energy_t, sample_t, transient_recorder_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
    use microslip_contact_laws, only: state_open, state_slip
-   use microslip_contact_problem, only: contact_state_t, contact_solver_t, solve_record_t, gap_of, book_step
+   use microslip_contact_problem, only: contact_solver_t, gap_of, book_step
+   use microslip_core_archive, only: archive_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_stopwatch, only: stopwatch_t
@@ -45,71 +53,9 @@ module microslip_analysis_transient
       real(wp), allocatable :: snapshots(:)
       !> Steps between two checks of the points left out
       integer :: verify_stride = 200
+      !> Steps between two restart points
+      integer :: restart_stride = 20000
    end type transient_options_t
-
-   !> Energies since the start, J.
-   type :: energy_t
-      real(wp) :: kinetic = 0.0_wp, elastic = 0.0_wp, external_work = 0.0_wp, viscous_loss = 0.0_wp, &
-         & friction_loss = 0.0_wp, balance_error = 0.0_wp
-   end type energy_t
-
-   !> What is recorded of a step.
-   type :: sample_t
-      integer :: step = 0
-      !> s
-      real(wp) :: time = 0.0_wp
-      !> (modes)
-      real(wp), allocatable :: modal(:)
-      !> (sensors) m
-      real(wp), allocatable :: sensor(:)
-      type(energy_t) :: energy
-      !> Points that are open, stick, slip
-      integer :: counts(3) = 0
-      integer :: iterations = 0
-      real(wp) :: residual = 0.0_wp
-      logical :: converged = .true.
-   end type sample_t
-
-   !> Who takes the results: knows files or memory, the integrator knows neither.
-   type, abstract :: transient_recorder_t
-   contains
-      procedure(record_interface), deferred :: record
-      procedure(snapshot_interface), deferred :: snapshot
-      procedure(progress_interface), deferred :: progress
-      procedure :: harmonics => ignore_harmonics
-      procedure :: verified => ignore_verified
-   end type transient_recorder_t
-
-   abstract interface
-      !> Take verified samples, in order of time.
-      subroutine record_interface(self, samples, error)
-         import :: transient_recorder_t, sample_t, error_t
-         implicit none(type, external)
-         class(transient_recorder_t), intent(inout) :: self
-         type(sample_t), intent(in) :: samples(:)
-         type(error_t), allocatable, intent(out) :: error
-      end subroutine record_interface
-
-      !> Take the contact fields at a time that was asked for.
-      subroutine snapshot_interface(self, system, time, contact, error)
-         import :: transient_recorder_t, jointed_system_t, contact_state_t, error_t, wp
-         implicit none(type, external)
-         class(transient_recorder_t), intent(inout) :: self
-         type(jointed_system_t), intent(in) :: system
-         real(wp), intent(in) :: time
-         type(contact_state_t), intent(in) :: contact
-         type(error_t), allocatable, intent(out) :: error
-      end subroutine snapshot_interface
-
-      !> Hear how far the run is; called every step.
-      subroutine progress_interface(self, time, counts)
-         import :: transient_recorder_t, wp
-         implicit none(type, external)
-         class(transient_recorder_t), intent(inout) :: self
-         real(wp), intent(in) :: time
-         integer, intent(in) :: counts(3)
-      end subroutine progress_interface
-   end interface
 
    !> How the run went.
    type :: transient_record_t
@@ -127,30 +73,10 @@ module microslip_analysis_transient
       integer :: points_added = 0
    end type transient_record_t
 
-   !> Everything that a step changes: copying it is a checkpoint in memory.
-   type :: motion_t
-      integer :: step = 0
-      real(wp), allocatable :: d(:), v_before(:), v_after(:)
-      !> (loads) amplitudes now, and the part that stays on
-      real(wp), allocatable :: amplitude(:), constant(:)
-      type(contact_state_t) :: contact
-      !> How the last contact step went, with the forces on modes, loads and sensors and the contact's energy
-      type(solve_record_t) :: solved
-      type(energy_t) :: energy
-      real(wp) :: initial_energy = 0.0_wp, largest_kinetic = 0.0_wp, largest_error = 0.0_wp
-      !> As they are: a stepped sine may go on early
-      type(excitation_t), allocatable :: excitations(:)
-      type(harmonic_meter_t) :: meter
-      !> (points) whether they have slipped since the last check
-      logical, allocatable :: slipped(:)
-      !> Whether the kinetic energy fell in the last step, and whether it has just passed a minimum
-      logical :: slowing = .false., turned = .false.
-   end type motion_t
-
 contains
 
-   !> Integrate from an equilibrium at rest.
-   subroutine run_transient(system, start, options, contact_options, recorder, clock, record, error)
+   !> Integrate from an equilibrium at rest, or go on from a restart point.
+   subroutine run_transient(system, start, options, contact_options, recorder, clock, record, error, point)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       type(operating_state_t), intent(in) :: start
@@ -161,22 +87,26 @@ contains
       type(stopwatch_t), intent(inout) :: clock
       type(transient_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
+      !> Of the same run, as the recorder was given it
+      integer, intent(in), optional :: point(:)
       class(contact_solver_t), allocatable :: solver
       type(motion_t) :: motion, safe
       type(sample_t), allocatable :: samples(:)
-      integer :: block_end, added
+      integer :: block_end, added, next_point
 
       call check_time_step(system, options%time_step, error)
       if (allocated(error)) return
       system%problem%velocity_level = contact_options%velocity_level
-      call new_contact_solver(contact_options, solver, error)
-      if (allocated(error)) return
-      solver%lazy = .true.
-      call solver%start(system%problem, start%contact, error)
-      if (allocated(error)) return
       call begin(system, start, options, motion, error)
       if (allocated(error)) return
       samples = [sample_of(system, motion, options)]
+      if (present(point)) then
+         call resume(system, motion, record, recorder, clock, point, error)
+         samples = samples(:0)
+      end if
+      if (.not. allocated(error)) call renew(system, contact_options, motion, solver, error)
+      if (allocated(error)) return
+      next_point = motion%step + options%restart_stride
       call clock%stop('transient start')
 
       do while (motion%step < last_step(options, motion))
@@ -195,13 +125,95 @@ contains
          end if
          call clock%stop('transient')
          call hand_on(system, options, motion, samples, recorder, error)
+         if (motion%step >= next_point .and. .not. allocated(error)) then
+            call keep_point(system, motion, record, recorder, clock, error)
+            if (.not. allocated(error)) call renew(system, contact_options, motion, solver, error)
+            next_point = motion%step + options%restart_stride
+         end if
          call clock%stop('write')
-         if (allocated(error)) return
+         if (allocated(error)) exit
       end do
       record%steps = motion%step
       if (motion%largest_kinetic > 0.0_wp) record%balance_error = motion%largest_error/motion%largest_kinetic
       if (allocated(error)) call keep_results(recorder, samples)
    end subroutine run_transient
+
+   !> A solver that knows nothing but the contact state.
+   subroutine renew(system, contact_options, motion, solver, error)
+      type(jointed_system_t), intent(in) :: system
+      type(contact_options_t), intent(in) :: contact_options
+      type(motion_t), intent(in) :: motion
+      class(contact_solver_t), allocatable, intent(out) :: solver
+      type(error_t), allocatable, intent(out) :: error
+
+      call new_contact_solver(contact_options, solver, error)
+      if (allocated(error)) return
+      solver%lazy = .true.
+      call solver%start(system%problem, motion%contact, error)
+   end subroutine renew
+
+   !> Hand a restart point to the recorder.
+   subroutine keep_point(system, motion, record, recorder, clock, error)
+      type(jointed_system_t), intent(in) :: system
+      type(motion_t), intent(inout) :: motion
+      type(transient_record_t), intent(inout) :: record
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(stopwatch_t), intent(inout) :: clock
+      type(error_t), allocatable, intent(out) :: error
+      type(archive_t) :: archive
+      logical, allocatable :: potential(:)
+
+      potential = potential_points(system)
+      call archive%pass(potential)
+      call motion%pass(archive)
+      call pass_record(record, archive)
+      call clock%pass(archive)
+      call recorder%restart_point(archive, error)
+   end subroutine keep_point
+
+   !> Go back to a restart point.
+   subroutine resume(system, motion, record, recorder, clock, point, error)
+      type(jointed_system_t), intent(inout) :: system
+      !> As the run began
+      type(motion_t), intent(inout) :: motion
+      type(transient_record_t), intent(inout) :: record
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(stopwatch_t), intent(inout) :: clock
+      integer, intent(in) :: point(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(archive_t) :: archive
+      logical, allocatable :: potential(:)
+
+      call archive%load(point)
+      call archive%pass(potential)
+      call motion%pass(archive)
+      call pass_record(record, archive)
+      call clock%pass(archive)
+      if (archive%sound()) then
+         if (size(potential) /= system%grid_point_count()) call archive%refuse()
+      end if
+      if (.not. archive%sound()) then
+         call failure(error, 'the restart point does not belong to this run')
+         return
+      end if
+      call recorder%restart_point(archive, error)
+      if (allocated(error)) return
+      if (any(potential .neqv. potential_points(system))) call system%restrict(potential, error)
+   end subroutine resume
+
+   !> Store the record, or take it back.
+   subroutine pass_record(record, archive)
+      type(transient_record_t), intent(inout) :: record
+      type(archive_t), intent(inout) :: archive
+
+      call archive%pass(record%iterations)
+      call archive%pass(record%rescues)
+      call archive%pass(record%set_changes)
+      call archive%pass(record%unconverged)
+      call archive%pass(record%residual)
+      call archive%pass(record%error_estimate)
+      call archive%pass(record%points_added)
+   end subroutine pass_record
 
    !> The last step of the run, as far as it is known now.
    pure integer function last_step(options, motion)
@@ -292,25 +304,40 @@ contains
    end subroutine next_velocity
 
    !> Energy stored in structure, boundary and half spaces: 1/2 d^T Khat d + 1/2 lambda^T G lambda, and the boundary's
-   !> share under load amplitudes a, lambda^T R_a a + 1/2 a^T load_load a. The loads' potential is no part of it.
+   !> share under load amplitudes a, lambda^T R_a a + 1/2 a^T load_load a (imposed motions have none). The loads' potential
+   !> is no part of it.
    pure real(wp) function elastic_energy(system, motion)
       type(jointed_system_t), intent(in) :: system
       type(motion_t), intent(in) :: motion
       elastic_energy = motion%solved%contact_energy &
          & + 0.5_wp*(dot_product(motion%d, matmul(system%stiffness, motion%d)) &
          & + dot_product(motion%amplitude, matmul(system%load_load, motion%amplitude))) &
-         & + dot_product(motion%solved%reaction(system%n_modes + 1:), motion%amplitude)
+         & + sum(motion%solved%reaction(system%n_modes + 1:)*motion%amplitude, .not. system%imposed)
    end function elastic_energy
 
-   !> Displacements that the loads do work on, (loads), m.
-   pure function load_displacements(system, motion) result(u)
+   !> What the amplitudes do work on, (loads): displacements of loads, m; forces that drive imposed motions, -R^T lambda, N.
+   pure function conjugates(system, motion) result(u)
       type(jointed_system_t), intent(in) :: system
       type(motion_t), intent(in) :: motion
       real(wp) :: u(system%n_loads)
 
       u = matmul(motion%d, system%load_modal) + matmul(system%load_load, motion%amplitude) &
-         & + motion%solved%reaction(system%n_modes + 1:)
-   end function load_displacements
+         & + merge(-1.0_wp, 1.0_wp, system%imposed)*motion%solved%reaction(system%n_modes + 1:)
+   end function conjugates
+
+   !> Work of loads and imposed motions in a step, by trapezoids, J.
+   pure real(wp) function work_of_step(system, motion, old_amplitude, old_conjugate) result(work)
+      type(jointed_system_t), intent(in) :: system
+      !> After the step
+      type(motion_t), intent(in) :: motion
+      !> (loads) before it
+      real(wp), intent(in) :: old_amplitude(:), old_conjugate(:)
+      real(wp) :: now(system%n_loads)
+
+      now = conjugates(system, motion)
+      work = 0.5_wp*(sum((old_amplitude + motion%amplitude)*(now - old_conjugate), .not. system%imposed) &
+         & + sum((old_conjugate + now)*(motion%amplitude - old_amplitude), system%imposed))
+   end function work_of_step
 
    !> Integrate to step `block_end`, or to where the motion turns.
    subroutine advance_block(system, options, block_end, solver, motion, samples, record, recorder, error)
@@ -352,12 +379,12 @@ contains
       type(transient_options_t), intent(in) :: options
       class(contact_solver_t), intent(inout) :: solver
       type(motion_t), intent(inout) :: motion
-      real(wp), allocatable :: old_amplitude(:), old_displacement(:), old_velocity(:)
+      real(wp), allocatable :: old_amplitude(:), old_conjugate(:), old_velocity(:)
       real(wp) :: dt, kinetic_before
 
       dt = options%time_step
       old_amplitude = motion%amplitude
-      old_displacement = load_displacements(system, motion)
+      old_conjugate = conjugates(system, motion)
       old_velocity = 0.5_wp*(motion%v_before + motion%v_after)
 
       motion%v_before = motion%v_after
@@ -374,8 +401,7 @@ contains
          motion%turned = motion%slowing .and. e%kinetic > kinetic_before
          motion%slowing = e%kinetic < kinetic_before
          e%elastic = elastic_energy(system, motion) - motion%initial_energy
-         e%external_work = e%external_work + 0.5_wp*dot_product(old_amplitude + motion%amplitude, &
-            & load_displacements(system, motion) - old_displacement)
+         e%external_work = e%external_work + work_of_step(system, motion, old_amplitude, old_conjugate)
          e%viscous_loss = e%viscous_loss + dt*dot_product(motion%v_before, &
             & 0.5_wp*system%damping*(old_velocity + 0.5_wp*(motion%v_before + motion%v_after)))
          e%friction_loss = e%friction_loss + motion%solved%friction_loss
@@ -478,8 +504,8 @@ contains
       integer :: k
 
       call recorder%record(samples, error)
-      if (allocated(error)) return
       samples = samples(:0)
+      if (allocated(error)) return
       call recorder%verified(system, motion%contact, motion%slipped)
       motion%slipped = .false.
       if (motion%meter%excitation > 0) then
@@ -494,23 +520,6 @@ contains
          if (allocated(error)) return
       end do
    end subroutine hand_on
-
-   !> Most recorders have no use for harmonics.
-   subroutine ignore_harmonics(self, windows, error)
-      class(transient_recorder_t), intent(inout) :: self
-      !> New ones, in order of time
-      type(harmonic_window_t), intent(in) :: windows(:)
-      type(error_t), allocatable, intent(out) :: error
-   end subroutine ignore_harmonics
-
-   !> Nor for the contact at every check of the points left out, which is where the motion turns.
-   subroutine ignore_verified(self, system, contact, slipped)
-      class(transient_recorder_t), intent(inout) :: self
-      type(jointed_system_t), intent(in) :: system
-      type(contact_state_t), intent(in) :: contact
-      !> (points) whether they have slipped since the check before
-      logical, intent(in) :: slipped(:)
-   end subroutine ignore_verified
 
    !> A failed run hands on what it has.
    subroutine keep_results(recorder, samples)

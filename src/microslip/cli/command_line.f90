@@ -17,7 +17,7 @@ module microslip_cli_command_line
       character(len=:), allocatable :: output
       !> File to write the FE model to instead of running; not allocated: none
       character(len=:), allocatable :: write_model
-      logical :: check = .false., quiet = .false., verbose = .false., version = .false., help = .false.
+      logical :: restart = .false., check = .false., quiet = .false., verbose = .false., version = .false., help = .false.
       !> 0: as the environment says
       integer :: threads = 0
    end type command_line_t
@@ -53,6 +53,7 @@ contains
          associate (argument => arguments(k)%text)
             select case (argument)
             case ('--check'); line%check = .true.
+            case ('--restart'); line%restart = .true.
             case ('--quiet'); line%quiet = .true.
             case ('--verbose'); line%verbose = .true.
             case ('--version'); line%version = .true.
@@ -67,8 +68,6 @@ contains
                status = verify(value, '0123456789')
                if (status == 0) read (value, '(i20)', iostat=status) line%threads
                if (status /= 0 .or. line%threads < 1) call fault("--threads '"//value//"': a number from 1 up is allowed")
-            case ('--restart')
-               call fault('--restart: not available in this version')
             case default
                if (index(argument, '-') == 1) then
                   call fault("unknown option '"//argument//"' (see --help)")
@@ -118,13 +117,14 @@ contains
          & nl// &
          & '  --check             read and validate everything, print the scene, run nothing'//nl// &
          & "  --output FILE       result file (default: the case's name with .h5, in the current folder)"//nl// &
+         & '  --restart           go on with an interrupted run from its result file; without one, from the beginning'//nl// &
          & "  --write-model FILE  write the case's FE model as the program's own HDF5 model file, run nothing"//nl// &
          & '  --quiet, --verbose  less or more in the log'//nl// &
          & '  --threads N         number of threads'//nl// &
          & '  --version, --help'//nl// &
          & nl// &
          & 'Exit status: 0 done; 1 the computation failed (the result file holds everything up to there);'//nl// &
-         & '2 the input or the command line is wrong.'
+         & '2 the input or the command line is wrong; 130, 143 stopped by Ctrl-C or SIGTERM (go on with --restart).'
    end function help_text
 
 end module microslip_cli_command_line

@@ -7,7 +7,7 @@ module microslip_cli_log
    implicit none(type, external)
    private
 
-   public :: log_t
+   public :: log_t, listed
 
    type :: log_t
       logical :: quiet = .false., verbose = .false.
@@ -56,5 +56,17 @@ contains
       end do
       call self%line(trim(text))
    end subroutine timing
+
+   !> Numbers with blanks in front.
+   pure function listed(values) result(text)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: text
+      integer :: k
+
+      text = ''
+      do k = 1, size(values)
+         text = text//' '//to_text(values(k), 7)
+      end do
+   end function listed
 
 end module microslip_cli_log

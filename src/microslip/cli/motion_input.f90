@@ -51,6 +51,7 @@ contains
             case ('file')
                excitation%kind = kind_table
                excitation%table = scene%tables(k)%points
+               excitation%stays = case%loads(case%find_load(record%load))%kind == 'motion'
             end select
          end associate
       end do

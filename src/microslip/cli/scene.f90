@@ -2,6 +2,7 @@
 module microslip_cli_scene
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, pi
+   use microslip_fe_element, only: cross_product
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_model, only: fe_model_t
@@ -9,17 +10,18 @@ module microslip_cli_scene
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
    use microslip_io_calculix, only: read_model_calculix
-   use microslip_io_case, only: case_t, interface_case_t, topography_case_t
+   use microslip_io_case, only: case_t, interface_case_t, load_case_t, topography_case_t
    use microslip_io_model_file, only: read_model_hdf5
    use microslip_io_time_series_file, only: read_time_series
    use microslip_io_topography_file, only: read_topography_hdf5
    use microslip_surface_height_map, only: height_map_t, new_height_map
    use microslip_surface_topography, only: topography_t, flat_t, hill_t, new_hill
-   use microslip_system_pad, only: pad_t, new_pad
+   use microslip_system_jointed_system, only: jointed_system_t
+   use microslip_system_pad, only: pad_t, new_pad, new_node_pad
    implicit none(type, external)
    private
 
-   public :: scene_t, table_t, build_scene, read_model
+   public :: scene_t, table_t, build_scene, read_model, add_motions
 
    !> How far outside the faces a grid point may lie, in face coordinates (width 2): the slivers between the
    !> chords of a meshed outline and the outline itself.
@@ -37,10 +39,13 @@ module microslip_cli_scene
       type(pad_t), allocatable :: pads(:)
       !> (rows, loads with a force pattern + sensors) N per unit amplitude; sensor rows
       real(wp), allocatable :: patterns(:, :)
-      !> (case loads) index of the load in the system; modal loads come after the others
+      !> (case loads) index of the load in the system: those with a force pattern, the initial pressure if there is one,
+      !> motions, modal loads
       integer, allocatable :: load_index(:)
       !> How many loads have a force pattern
       integer :: n_pattern_loads = 0
+      !> Names of the system's loads, without the modal ones
+      character(len=64), allocatable :: load_names(:)
       !> (excitations) functions of time from files
       type(table_t), allocatable :: tables(:)
    end type scene_t
@@ -122,14 +127,24 @@ contains
          error%message = case%path//': '//error%message
          return
       end if
-      call make_grid(record, contact, grid, error)
+      if (record%grid == 'fe_nodes') then
+         call new_node_pad(contact, record%friction, pad, error)
+         grid = pad%grid
+      else
+         call make_grid(record, contact, grid, error)
+      end if
       if (.not. allocated(error)) call make_surface(case, record, grid, surface, error)
       if (.not. allocated(error)) call surface%heights(grid%position, height, error)
-      do k = 1, size(record%young_modulus)
-         if (.not. allocated(error)) call elastic_material(body(k), record%young_modulus(k), record%poisson_ratio(k), error)
-      end do
-      if (.not. allocated(error)) call new_pad(contact, grid, height, half_space_pair(body(1), body(2)), record%friction, &
-         & overhang, pad, error)
+      if (record%grid == 'fe_nodes') then
+         if (.not. allocated(error)) pad%height = height
+      else
+         do k = 1, size(record%young_modulus)
+            if (.not. allocated(error)) call elastic_material(body(k), record%young_modulus(k), record%poisson_ratio(k), error)
+         end do
+         if (.not. allocated(error)) call new_pad(contact, grid, height, half_space_pair(body(1), body(2)), record%friction, &
+            & overhang, pad, error, scale_split=record%coupling == 'scale_split')
+      end if
+      if (allocated(record%initial_pressure)) pad%initial_pressure = record%initial_pressure
       if (allocated(error)) error%message = case%path//": interface '"//trim(record%name)//"': "//error%message
    end subroutine build_pad
 
@@ -186,7 +201,7 @@ contains
       type(hill_t) :: hill
       type(height_map_t) :: map
       integer :: k
-      real(wp) :: lower(2), upper(2), summit(2)
+      real(wp) :: summit(2)
 
       k = case%find_topography(record%topography)
       if (k == 0) then
@@ -196,11 +211,9 @@ contains
       associate (topography => case%topographies(k))
          select case (trim(topography%source))
          case ('hill')
-            lower = [grid%x(1) - 0.5_wp*grid%dx, grid%y(1) - 0.5_wp*grid%dy]
-            upper = [grid%x(grid%nx) + 0.5_wp*grid%dx, grid%y(grid%ny) + 0.5_wp*grid%dy]
-            summit = 0.5_wp*(lower + upper)
+            summit = 0.5_wp*(grid%lower + grid%upper)
             if (allocated(topography%center)) summit = topography%center
-            call new_hill(hill, lower, upper, summit, topography%height, error)
+            call new_hill(hill, grid%lower, grid%upper, summit, topography%height, error)
             allocate (surface, source=hill)
          case ('file')
             call make_map(case, topography, map, error)
@@ -238,25 +251,16 @@ contains
       type(scene_t), intent(inout) :: scene
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: part(:)
-      integer :: k, p, n_sensors, modal
+      integer :: k, n_sensors
 
       n_sensors = 0
       if (allocated(case%output%sensors)) n_sensors = size(case%output%sensors)
-      scene%n_pattern_loads = count(case%loads%kind /= 'modal')
+      call list_loads(case, scene)
       allocate (scene%patterns(scene%model%row_count(), scene%n_pattern_loads + n_sensors), source=0.0_wp)
-      allocate (scene%load_index(size(case%loads)))
-      p = 0
-      modal = scene%n_pattern_loads
       do k = 1, size(case%loads)
-         if (case%loads(k)%kind /= 'modal') then
-            p = p + 1
-            scene%load_index(k) = p
-            call add_parts(case, k, scene%model, scene%patterns(:, p), error)
-            if (allocated(error)) return
-         else
-            modal = modal + 1
-            scene%load_index(k) = modal
-         end if
+         if (any(case%loads(k)%kind == [character(len=6) :: 'modal', 'motion'])) cycle
+         call add_parts(case, k, scene%model, scene%patterns(:, scene%load_index(k)), error)
+         if (allocated(error)) return
       end do
       do k = 1, n_sensors
          call sensor_row(scene%model, trim(case%output%sensors(k)), case%output%sensor_direction(:, k), part, error)
@@ -267,6 +271,63 @@ contains
          scene%patterns(:, scene%n_pattern_loads + k) = part
       end do
    end subroutine build_patterns
+
+   !> The loads in the order that they have in the system.
+   subroutine list_loads(case, scene)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(inout) :: scene
+      integer :: kind_of(size(case%loads)), k, rank, n
+
+      kind_of = 1
+      where (case%loads%kind == 'motion') kind_of = 2
+      where (case%loads%kind == 'modal') kind_of = 3
+      scene%n_pattern_loads = count(kind_of == 1)
+      allocate (scene%load_index(size(case%loads)))
+      n = 0
+      do rank = 1, 3
+         do k = 1, size(case%loads)
+            if (kind_of(k) /= rank) cycle
+            n = n + 1
+            scene%load_index(k) = n
+         end do
+         if (rank == 1 .and. any(scene%pads%initial_pressure > 0.0_wp)) n = n + 1
+      end do
+      allocate (scene%load_names(n - count(kind_of == 3)))
+      scene%load_names = 'initial pressure'
+      do k = 1, size(case%loads)
+         if (kind_of(k) < 3) scene%load_names(scene%load_index(k)) = case%loads(k)%name
+      end do
+   end subroutine list_loads
+
+   !> The motions of counter-bodies join the system.
+   subroutine add_motions(case, system)
+      type(case_t), intent(in) :: case
+      type(jointed_system_t), intent(inout) :: system
+      integer :: k
+
+      do k = 1, size(case%loads)
+         if (case%loads(k)%kind /= 'motion') cycle
+         associate (pad => case%find_interface(case%loads(k)%interface))
+            call system%add_motion(pad, motion_shape(case%loads(k), system%pads(pad)%grid%position))
+         end associate
+      end do
+   end subroutine add_motions
+
+   !> Displacement of the points of a rigid body, along n, t1, t2, (3, points), per m of a translation or rad of a rotation.
+   pure function motion_shape(load, position) result(shape)
+      type(load_case_t), intent(in) :: load
+      !> (2, points) m
+      real(wp), intent(in) :: position(:, :)
+      real(wp) :: shape(3, size(position, 2)), along(3)
+      integer :: p
+
+      along = load%direction(:, 1)/norm2(load%direction(:, 1))
+      shape = spread(along, 2, size(position, 2))
+      if (load%motion == 'translation') return
+      do p = 1, size(position, 2)
+         shape(:, p) = cross_product(along, [0.0_wp, position(:, p) - load%center])
+      end do
+   end function motion_shape
 
    !> The force vector of one load: the sum of its parts.
    subroutine add_parts(case, index, model, pattern, error)

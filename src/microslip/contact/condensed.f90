@@ -12,18 +12,17 @@ module microslip_contact_condensed
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_block, only: contact_block_t
    use microslip_contact_block_gauss_seidel, only: sweep_gauss_seidel
+   use microslip_contact_block_jacobi, only: solve_jacobi
    use microslip_contact_block_newton, only: solve_newton
    use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, predict_all
    use microslip_contact_kept_factor, only: kept_factor_t
    use microslip_contact_laws, only: state_at_rest, state_open, state_slip, state_stick
    use microslip_contact_lookout, only: lookout_t, margin_of
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
-      & count_states, gap_of
-   use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
+      & count_states, gap_of, gap_of_point
    use microslip_contact_reference, only: reference_t, moves_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: inverse_spd
    implicit none(type, external)
    private
 
@@ -151,7 +150,7 @@ contains
          call self%lookout%weigh(problem, self%base, spread(1.0_wp, 1, size(self%largest_dq)))
       end if
       self%largest_dq = 0.0_wp
-      call watch_all(self, problem, self%reference%force, self%reference%gap)
+      call self%lookout%watch_all(problem, self%base, self%reference%force, self%reference%gap)
       call renew_blocks(self, problem, state, self%reference%force)
       self%steps_since_refresh = 0
    end subroutine refresh
@@ -197,8 +196,7 @@ contains
          block%predicted(:, block%rows) = force
          block%trial(:, block%rows) = force
          block%change(:, block%rows) = 0.0_wp
-         self%lookout%margin(place) = huge(1.0_wp)
-         self%lookout%used(place) = 0.0_wp
+         call self%lookout%forget(place)
          if (moves) call free_row(self%base, problem, state, block, block%rows)
       end associate
    end subroutine follow
@@ -216,34 +214,6 @@ contains
       p = base%inside(block%place(block%columns))
       call set_start(block, block%columns, problem, state, p, [0.0_wp, 0.0_wp, 0.0_wp])
    end subroutine free_row
-
-   !> A sticking point is left to the lookout.
-   subroutine watch(self, problem, place, force)
-      class(condensed_solver_t), intent(inout) :: self
-      type(contact_problem_t), intent(in) :: problem
-      integer, intent(in) :: place
-      !> Its force, N
-      real(wp), intent(in) :: force(3)
-
-      self%lookout%margin(place) = margin_of(force, problem%friction(self%base%inside(place)))
-      self%lookout%used(place) = 0.0_wp
-   end subroutine watch
-
-   !> All points are left to the lookout.
-   subroutine watch_all(self, problem, force, gap)
-      class(condensed_solver_t), intent(inout) :: self
-      type(contact_problem_t), intent(in) :: problem
-      !> (3, inside) N and (outside) m
-      real(wp), intent(in) :: force(:, :), gap(:)
-      integer :: j, n
-
-      n = size(self%base%inside)
-      do j = 1, n
-         call watch(self, problem, j, force(:, j))
-      end do
-      self%lookout%margin(n + 1:) = gap
-      self%lookout%used(n + 1:) = 0.0_wp
-   end subroutine watch_all
 
    !> Take the state to driver q.
    subroutine advance(self, problem, q, state, record)
@@ -440,7 +410,9 @@ contains
 
       if (count_columns(self%blocks) == 0) return
       if (self%by_jacobi) then
-         call solve_by_jacobi(self, record)
+         call solve_jacobi(self%blocks, self%base, self%tolerance, self%max_iterations, sweeps, record%error_estimate)
+         record%iterations = record%iterations + sweeps
+         record%converged = record%error_estimate <= self%tolerance
          return
       end if
       do round = 1, rescue_rounds
@@ -461,70 +433,6 @@ contains
       end do
       record%converged = residual <= self%tolerance*scale
    end subroutine solve_blocks
-
-   !> The paper's way: projected Jacobi on the compliance with the sticking points eliminated, M_block^-1.
-   subroutine solve_by_jacobi(self, record)
-      class(condensed_solver_t), intent(inout) :: self
-      type(solve_record_t), intent(inout) :: record
-      type(error_t), allocatable :: error
-      real(wp), allocatable :: M(:, :), compliance(:, :), predicted(:, :), c(:), eps(:), force(:), friction(:), x(:, :)
-      logical, allocatable :: forced_open(:)
-      integer, allocatable :: place(:), status(:)
-      logical :: changed
-      integer :: a, b, g, n, sweeps
-
-      place = [integer ::]
-      n = count_columns(self%blocks)
-      allocate (M(3*n, 3*n), predicted(3, n), force(3*n), c(3*n), friction(n), forced_open(n))
-      b = 0
-      do g = 1, size(self%blocks)
-         associate (block => self%blocks(g))
-            do a = 1, block%columns
-               b = b + 1
-               place = [place, block%place(a)]
-               predicted(:, b) = block%predicted(:, a)
-               force(3*b - 2:3*b) = block%force(:, a)
-               c(3*b - 2:3*b) = [block%gap_old(a), 0.0_wp, 0.0_wp]
-               friction(b) = block%friction(a)
-               forced_open(b) = block%forced_open(a)
-            end do
-         end associate
-      end do
-      do b = 1, n
-         do a = 1, n
-            M(3*a - 2:3*a, 3*b - 2:3*b) = self%base%M(3*place(a) - 2:3*place(a), 3*place(b) - 2:3*place(b))
-         end do
-         ! Without friction the tangential springs are not in M: any of their own keep it regular, under no force.
-         if (friction(b) > 0.0_wp) cycle
-         M(3*b - 1, 3*b - 1) = M(3*b - 2, 3*b - 2)
-         M(3*b, 3*b) = M(3*b - 2, 3*b - 2)
-      end do
-      compliance = M
-      call inverse_spd(compliance, error)
-      if (allocated(error)) then
-         record%converged = .false.
-         return
-      end if
-      c = c - matmul(compliance, reshape(predicted, [3*n]))
-      eps = step_lengths(compliance)
-      call iterate_projected_jacobi(compliance, c, eps, contraction_gap(M, eps), friction, forced_open, &
-         & 0.0_wp, self%tolerance, self%max_iterations, force, sweeps, record%error_estimate)
-      record%iterations = record%iterations + sweeps
-      record%converged = record%error_estimate <= self%tolerance
-      status = states_of_forces(reshape(force, [3, n]), friction)
-      where (status == state_slip .and. friction <= 0.0_wp) status = state_stick
-      x = reshape(matmul(compliance, force - reshape(predicted, [3*n])), [3, n])
-      b = 0
-      do g = 1, size(self%blocks)
-         associate (block => self%blocks(g))
-            block%x(:, :block%columns) = x(:, b + 1:b + block%columns)
-            block%trial(:, :block%columns) = reshape(force(3*b + 1:3*(b + block%columns)), [3, block%columns])
-            call block%assess(changed, .false.)
-            block%status(:block%columns) = status(b + 1:b + block%columns)
-            b = b + block%columns
-         end associate
-      end do
-   end subroutine solve_by_jacobi
 
    !> What the step would have used up of the margins, (watched).
    subroutine spend(self, dq, spent)
@@ -664,23 +572,6 @@ contains
       call refresh(self, problem, state)
    end subroutine take_in
 
-   !> gap = r_0 + R q + G force of one point in the state.
-   function gap_of_point(problem, state, point) result(gap)
-      type(contact_problem_t), intent(in) :: problem
-      type(contact_state_t), intent(in) :: state
-      integer, intent(in) :: point
-      real(wp) :: gap(3)
-      integer :: c, k, p
-
-      do c = 1, 3
-         k = 3*point - 3 + c
-         gap(c) = problem%r_0(k) + dot_product(problem%R(k, :), state%q)
-         do p = 1, problem%n_points
-            gap(c) = gap(c) + dot_product(problem%G(3*p - 2:3*p, k), state%force(:, p))
-         end do
-      end do
-   end function gap_of_point
-
    !> Put open points of the base set outside when there are many of them that have been open for long.
    subroutine shed_open_points(self, problem, state, record)
       class(condensed_solver_t), intent(inout) :: self
@@ -806,7 +697,7 @@ contains
       ! The motion turns: the next looks need not go back beyond here.
       call present(self, state%q, force, gap)
       call self%reference%move_up(state%q, force, gap)
-      call watch_all(self, problem, force, gap)
+      call self%lookout%watch_all(problem, self%base, force, gap)
       call renew_blocks(self, problem, state, force)
    end subroutine retire_sticking
 
@@ -841,7 +732,7 @@ contains
       self%known_scale = max(0.0_wp, maxval(force(1, :)))
       do j = 1, n
          state%force(:, self%base%inside(j)) = force(:, j)
-         if (self%lookout%margin(j) < huge(1.0_wp)) call watch(self, problem, j, force(:, j))
+         if (self%lookout%margin(j) < huge(1.0_wp)) call self%lookout%watch(j, force(:, j), problem%friction(self%base%inside(j)))
       end do
       state%force(:, self%base%outside) = 0.0_wp
       state%status(self%base%outside) = state_open

@@ -31,6 +31,9 @@ module microslip_contact_lookout
    contains
       procedure :: survey
       procedure :: weigh
+      procedure :: watch
+      procedure :: watch_all
+      procedure :: forget
       procedure :: spend_drivers
       procedure :: spend_moves
    end type lookout_t
@@ -117,6 +120,44 @@ contains
          self%slope(n + j) = norm2(base%slope_outside(:, j)*self%weight)
       end do
    end subroutine weigh
+
+   !> A base point's force is known: its margin begins anew.
+   pure subroutine watch(self, place, force, friction)
+      class(lookout_t), intent(inout) :: self
+      integer, intent(in) :: place
+      !> (3) N
+      real(wp), intent(in) :: force(3)
+      real(wp), intent(in) :: friction
+
+      self%margin(place) = margin_of(force, friction)
+      self%used(place) = 0.0_wp
+   end subroutine watch
+
+   !> All forces and gaps are known.
+   pure subroutine watch_all(self, problem, base, force, gap)
+      class(lookout_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(base_set_t), intent(in) :: base
+      !> (3, inside) N and (outside) m
+      real(wp), intent(in) :: force(:, :), gap(:)
+      integer :: j, n
+
+      n = size(base%inside)
+      do j = 1, n
+         call self%watch(j, force(:, j), problem%friction(base%inside(j)))
+      end do
+      self%margin(n + 1:) = gap
+      self%used(n + 1:) = 0.0_wp
+   end subroutine watch_all
+
+   !> A base point that is followed needs no look.
+   pure subroutine forget(self, place)
+      class(lookout_t), intent(inout) :: self
+      integer, intent(in) :: place
+
+      self%margin(place) = huge(1.0_wp)
+      self%used(place) = 0.0_wp
+   end subroutine forget
 
    !> Add what a change of the drivers uses up.
    pure subroutine spend_drivers(self, dq, spent)

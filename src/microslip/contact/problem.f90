@@ -6,13 +6,14 @@
 !> Solvers advance the state from one q to the next; they know nothing of structures or time.
 module microslip_contact_problem
    use microslip_contact_compliance_operator, only: contact_compliance_t
+   use microslip_core_archive, only: archive_t
    use microslip_core_kinds, only: wp
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    implicit none(type, external)
    private
 
    public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
-   public :: new_state, gap_of, count_states, contact_energy, book_step
+   public :: new_state, gap_of, gap_of_point, count_states, contact_energy, book_step
 
    !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
    type :: contact_problem_t
@@ -46,6 +47,8 @@ module microslip_contact_problem
       real(wp), allocatable :: gap(:, :)
       !> (points) state_open, state_stick or state_slip
       integer, allocatable :: status(:)
+   contains
+      procedure :: pass => pass_state
    end type contact_state_t
 
    !> How a solve went. An unconverged solve is a result, not an exception.
@@ -70,6 +73,8 @@ module microslip_contact_problem
       real(wp) :: contact_energy = 0.0_wp
       !> Work that friction took in the step, J: the force at its end on the slip
       real(wp) :: friction_loss = 0.0_wp
+   contains
+      procedure :: pass => pass_record
    end type solve_record_t
 
    !> A contact solver: takes the state to a new driver value.
@@ -118,16 +123,59 @@ contains
       type(contact_state_t), intent(inout) :: state
    end subroutine complete
 
-   !> The unloaded state: no force, all points open (or just touching), driver zero.
-   pure function new_state(problem) result(state)
+   !> The state at the beginning: driver zero, no force, all points open (or just touching). Where there is a force from
+   !> the beginning, its points stick at no gap.
+   pure function new_state(problem, force) result(state)
       type(contact_problem_t), intent(in) :: problem
+      !> (3, points) N: normal forces, in equilibrium with all gaps zero where there are any; default: none
+      real(wp), intent(in), optional :: force(:, :)
       type(contact_state_t) :: state
+      integer :: p
 
       allocate (state%q(size(problem%R, 2)), source=0.0_wp)
       allocate (state%force(3, problem%n_points), source=0.0_wp)
       state%gap = reshape(problem%r_0, [3, problem%n_points])
       allocate (state%status(problem%n_points), source=state_open)
+      if (.not. present(force)) return
+      state%force = force
+      do p = 1, problem%n_points
+         if (force(1, p) <= 0.0_wp) cycle
+         state%gap(:, p) = 0.0_wp
+         state%status(p) = state_stick
+      end do
    end function new_state
+
+   !> Store a state, or take it back.
+   subroutine pass_state(self, archive)
+      class(contact_state_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+
+      call archive%pass(self%q)
+      call archive%pass(self%force)
+      call archive%pass(self%gap)
+      call archive%pass(self%status)
+   end subroutine pass_state
+
+   !> Store how a solve went, or take it back.
+   subroutine pass_record(self, archive)
+      class(solve_record_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+      integer :: k
+
+      call archive%pass(self%converged)
+      call archive%pass(self%iterations)
+      call archive%pass(self%residual)
+      call archive%pass(self%error_estimate)
+      call archive%pass(self%rescues)
+      call archive%pass(self%set_changes)
+      do k = 1, size(self%counts)
+         call archive%pass(self%counts(k))
+      end do
+      call archive%pass(self%reaction)
+      call archive%pass(self%output)
+      call archive%pass(self%contact_energy)
+      call archive%pass(self%friction_loss)
+   end subroutine pass_record
 
    !> gap = r_0 + R q + G force at all points, (3, points).
    function gap_of(problem, q, force) result(gap)
@@ -155,6 +203,23 @@ contains
       end do
       gap = reshape(work, [3, problem%n_points])
    end function gap_of
+
+   !> gap = r_0 + R q + G force of one point in the state.
+   function gap_of_point(problem, state, point) result(gap)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      integer, intent(in) :: point
+      real(wp) :: gap(3)
+      integer :: c, k, p
+
+      do c = 1, 3
+         k = 3*point - 3 + c
+         gap(c) = problem%r_0(k) + dot_product(problem%R(k, :), state%q)
+         do p = 1, problem%n_points
+            gap(c) = gap(c) + dot_product(problem%G(3*p - 2:3*p, k), state%force(:, p))
+         end do
+      end do
+   end function gap_of_point
 
    !> 1/2 force^T G force of a state in equilibrium, J (from G force = gap - r_0 - R q on the loaded points).
    pure real(wp) function contact_energy(problem, state)

@@ -1,5 +1,6 @@
 !> Wall-clock times of the stages of a run.
 module microslip_core_stopwatch
+   use microslip_core_archive, only: archive_t
    use microslip_core_kinds, only: wp, i8
    implicit none(type, external)
    private
@@ -16,6 +17,7 @@ module microslip_core_stopwatch
    contains
       procedure :: start
       procedure :: stop => stop_stage
+      procedure :: pass
    end type stopwatch_t
 
 contains
@@ -55,5 +57,26 @@ contains
       self%count(k) = self%count(k) + 1
       self%started = now
    end subroutine stop_stage
+
+   !> Store the stages, or take them back; the clock runs on.
+   subroutine pass(self, archive)
+      class(stopwatch_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+      integer, allocatable :: letters(:)
+      integer :: k, j
+
+      letters = [((iachar(self%stage(k) (j:j)), j=1, len(self%stage)), k=1, size(self%stage))]
+      call archive%pass(letters)
+      call archive%pass(self%seconds)
+      call archive%pass(self%count)
+      if (.not. archive%loading .or. .not. archive%sound()) return
+      deallocate (self%stage)
+      allocate (self%stage(size(self%seconds)))
+      do k = 1, size(self%stage)
+         do j = 1, len(self%stage)
+            self%stage(k) (j:j) = achar(letters((k - 1)*len(self%stage) + j))
+         end do
+      end do
+   end subroutine pass
 
 end module microslip_core_stopwatch

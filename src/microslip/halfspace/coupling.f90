@@ -21,7 +21,7 @@ module microslip_halfspace_coupling
    implicit none(type, external)
    private
 
-   public :: coupling_t, build_coupling, points_on_faces, add_gathered
+   public :: coupling_t, build_coupling, points_on_faces, check_located, add_gathered
 
    !> W (pairs x points) in compressed columns.
    type :: coupling_t
@@ -71,13 +71,8 @@ contains
       real(wp) :: local(2, size(position, 2))
 
       call locate_points(contact%position, contact%faces, position, face, local, overhang)
-      if (any(face == 0)) then
-         p = findloc(face, 0, dim=1)
-         call bad_input(error, "interface '"//contact%name//"': "//to_text(count(face == 0))//' of '// &
-            to_text(size(face))//' grid points lie on no element face, first (t1, t2) = ('// &
-            to_text(position(1, p))//', '//to_text(position(2, p))//') m')
-         return
-      end if
+      call check_located(contact%name, face, position, error)
+      if (allocated(error)) return
       coupling%pairs = contact%pair_count()
       coupling%points = size(face)
       allocate (coupling%start(size(face) + 1))
@@ -94,6 +89,24 @@ contains
          coupling%weight(first:first + nodes - 1) = shape_values(nodes, local(:, p))
       end do
    end subroutine build_coupling
+
+   !> Error where points lie on no face.
+   subroutine check_located(name, face, position, error)
+      !> Of the interface
+      character(len=*), intent(in) :: name
+      !> (points) face of every point, 0 if it lies on none
+      integer, intent(in) :: face(:)
+      !> (2, points) coordinates along t1, t2, m
+      real(wp), intent(in) :: position(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: p
+
+      if (all(face > 0)) return
+      p = findloc(face, 0, dim=1)
+      call bad_input(error, "interface '"//name//"': "//to_text(count(face == 0))//' of '// &
+         to_text(size(face))//' grid points lie on no element face, first (t1, t2) = ('// &
+         to_text(position(1, p))//', '//to_text(position(2, p))//') m')
+   end subroutine check_located
 
    !> W^T x: the field at the points from its values at the pairs.
    pure subroutine interpolate(self, nodal, at_points)

@@ -1,7 +1,8 @@
-!> The regular grid of boundary-element cells on one interface (METHOD section 3).
+!> The contact points of one interface: as a rule the cells of a regular boundary-element grid (METHOD section 3).
 !>
 !> A rectangle in the local coordinates (t1, t2) is divided into nx x ny equal cells; cells whose centre
 !> lies in a hole are cut out. The centres of the others are the contact points, numbered with ix fastest.
+!> Scattered points with areas of their own (FE nodes) are a grid of one row, whose x and y are those of its points.
 module microslip_halfspace_grid
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_value, ieee_quiet_nan
    use microslip_core_error, only: error_t, bad_input
@@ -10,15 +11,19 @@ module microslip_halfspace_grid
    implicit none(type, external)
    private
 
-   public :: be_grid_t, new_grid
+   public :: be_grid_t, new_grid, scattered_grid
 
    !> Cells, contact points and the way between the two.
    type :: be_grid_t
       !> Number of cells along t1 and t2
       integer :: nx = 0, ny = 0
+      !> Whether these are the cells of a rectangle, not scattered points
+      logical :: regular = .true.
+      !> Corners of the rectangle, or of the bounding box of scattered points, in (t1, t2), m
+      real(wp) :: lower(2) = 0.0_wp, upper(2) = 0.0_wp
       !> Cell widths, m
       real(wp) :: dx = 0.0_wp, dy = 0.0_wp
-      !> (nx), (ny) cell centres along t1 and t2, m
+      !> (nx), (ny) cell centres along t1 and t2, m; (points) both, of scattered points
       real(wp), allocatable :: x(:), y(:)
       !> (nx, ny) cells that carry a contact point
       logical, allocatable :: inside(:, :)
@@ -26,6 +31,8 @@ module microslip_halfspace_grid
       integer, allocatable :: ix(:), iy(:)
       !> (2, points) coordinates of the contact points along t1 and t2, m
       real(wp), allocatable :: position(:, :)
+      !> (points) area of every contact point, m^2
+      real(wp), allocatable :: area(:)
    contains
       procedure :: point_count
       procedure :: cell_area
@@ -55,6 +62,8 @@ contains
       if (allocated(error)) return
       grid%nx = nx
       grid%ny = ny
+      grid%lower = lower
+      grid%upper = upper
       grid%dx = (upper(1) - lower(1))/nx
       grid%dy = (upper(2) - lower(2))/ny
       grid%x = [(lower(1) + (k - 0.5_wp)*grid%dx, k=1, nx)]
@@ -67,7 +76,30 @@ contains
          return
       end if
       call number_points(grid)
+      grid%area = spread(grid%dx*grid%dy, 1, size(grid%ix))
    end subroutine new_grid
+
+   !> Scattered points as a grid of one row.
+   pure function scattered_grid(position, area) result(grid)
+      !> (2, points) coordinates along t1 and t2, m
+      real(wp), intent(in) :: position(:, :)
+      !> (points) m^2
+      real(wp), intent(in) :: area(:)
+      type(be_grid_t) :: grid
+
+      grid%nx = size(area)
+      grid%ny = 1
+      grid%regular = .false.
+      grid%lower = minval(position, dim=2)
+      grid%upper = maxval(position, dim=2)
+      allocate (grid%inside(grid%nx, 1), source=.true.)
+      allocate (grid%x(grid%nx), grid%y(grid%nx))
+      grid%x = position(1, :)
+      grid%y = position(2, :)
+      call number_points(grid)
+      grid%position = position
+      grid%area = area
+   end function scattered_grid
 
    !> What `new_grid` asks of its arguments.
    subroutine check_input(lower, upper, nx, ny, error, holes, mask)

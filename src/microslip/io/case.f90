@@ -38,16 +38,22 @@ module microslip_io_case
       !> (3) direction of t1, projected on the interface
       real(wp), allocatable :: axis_1(:)
       real(wp) :: friction = 0.0_wp
-      !> (2) Pa and 1, of bodies A and B; one value only: B is rigid ground
+      !> 'half_space': cells of a boundary-element grid; 'fe_nodes': the node pairs themselves, without half spaces
+      character(len=name_length) :: grid = 'half_space'
+      !> half_space: (2) Pa and 1, of bodies A and B; one value only: B is rigid ground
       real(wp), allocatable :: young_modulus(:), poisson_ratio(:)
-      !> Cells of the boundary-element grid along t1 and t2
+      !> half_space: cells of the boundary-element grid along t1 and t2
       integer :: nx = 0, ny = 0
-      !> (4) x_min, x_max, y_min, y_max in local coordinates, m; not allocated: bounding box of the nodes
+      !> half_space: (4) x_min, x_max, y_min, y_max in local coordinates, m; not allocated: bounding box of the nodes
       real(wp), allocatable :: extent(:)
-      !> (3, holes) x, y, radius in local coordinates, m
+      !> half_space: (3, holes) x, y, radius in local coordinates, m
       real(wp), allocatable :: holes(:, :)
+      !> 'series' or 'scale_split': half space and FE model
+      character(len=name_length) :: coupling = 'series'
       !> Name of a topography; blank: flat
       character(len=name_length) :: topography = ''
+      !> Pa, normal pressure in the undeformed state, in place of a topography
+      real(wp), allocatable :: initial_pressure
       !> 'auto' or 'all': which points may come into contact
       character(len=name_length) :: potential = 'auto'
       !> m, 'auto': points whose initial gap exceeds the closed ones' by less than this take part
@@ -120,11 +126,11 @@ module microslip_io_case
    !> `&load`: a load pattern with a name.
    type :: load_case_t
       character(len=name_length) :: name = ''
-      !> 'nodes', 'modal' or 'base'
+      !> 'nodes', 'modal', 'base' or 'motion'
       character(len=name_length) :: kind = 'nodes'
       !> nodes: (parts)
       character(len=name_length), allocatable :: node_set(:)
-      !> nodes: (3, parts) as given, any length but 0; base: (3, 1)
+      !> nodes: (3, parts) as given, any length but 0; base: (3, 1); motion: (3, 1) along n, t1, t2, axis of a rotation
       real(wp), allocatable :: direction(:, :)
       !> nodes: (parts) N
       real(wp), allocatable :: size(:)
@@ -132,6 +138,9 @@ module microslip_io_case
       character(len=name_length), allocatable :: distribution(:)
       !> modal: f = M phi of this linear mode about the preload
       integer :: mode = 0
+      !> motion: name of the interface whose side B moves; 'translation' or 'rotation'; (2) m, x and y of a point of the axis
+      character(len=name_length) :: interface = '', motion = 'translation'
+      real(wp) :: center(2) = 0.0_wp
    end type load_case_t
 
    !> `&preload`: either `interface_force` or `load_scale` is allocated.
@@ -292,6 +301,10 @@ module microslip_io_case
       integer :: stride = 1
       !> s
       real(wp), allocatable :: snapshots(:)
+      !> s, wall time from one publication of the result file to the next
+      real(wp) :: checkpoint_interval = 60.0_wp
+      !> Steps of a time integration from one restart point to the next
+      integer :: checkpoint_steps = 50000
    end type output_case_t
 
    !> A whole case.
@@ -323,6 +336,7 @@ module microslip_io_case
       procedure :: runs
       procedure :: located
       procedure :: find_load
+      procedure :: find_interface
       procedure :: find_topography
       procedure :: find_sensors
    end type case_t
@@ -361,6 +375,19 @@ contains
          if (name /= '' .and. lower_case(self%loads(k)%name) == lower_case(name)) find_load = k
       end do
    end function find_load
+
+   !> Index of the interface with this name (case does not matter), 0 if there is none.
+   pure integer function find_interface(self, name)
+      class(case_t), intent(in) :: self
+      !> Name of an `&interface`
+      character(len=*), intent(in) :: name
+      integer :: k
+
+      find_interface = 0
+      do k = 1, size(self%interfaces)
+         if (name /= '' .and. lower_case(self%interfaces(k)%name) == lower_case(name)) find_interface = k
+      end do
+   end function find_interface
 
    !> Indices of the sensors with this name (case does not matter), of the first name if it is blank.
    pure function find_sensors(self, name) result(sensors)

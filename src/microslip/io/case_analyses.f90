@@ -25,14 +25,15 @@ contains
       integer :: parts
 
       call keys%name_key('name', record%name)
-      call keys%name_key('kind', record%kind, ['nodes', 'modal', 'base '])
+      call keys%name_key('kind', record%kind, ['nodes ', 'modal ', 'base  ', 'motion'])
       if (record%kind == 'modal') then
          call keys%integer_key('mode', record%mode, at_least(1), required=.true.)
-         call keys%ignored(['direction'], "with kind = 'nodes' or 'base'", decided_by='kind')
+         call keys%ignored(['direction'], "with kind = 'nodes', 'base' or 'motion'", decided_by='kind')
       else
          call keys%ignored(['mode'], "with kind = 'modal'", decided_by='kind')
       end if
-      if (record%kind == 'base') then
+      call motion_keys(keys, record)
+      if (record%kind == 'base' .or. record%kind == 'motion') then
          call keys%real_table('direction', record%direction, 3, any_value, [1, 1], required=.true.)
          call check_directions(keys, 'direction', record%direction)
       end if
@@ -54,6 +55,27 @@ contains
       end if
       call keys%finish()
    end subroutine load_keys
+
+   !> How the counter-body of an interface moves.
+   subroutine motion_keys(keys, record)
+      type(group_keys_t), intent(inout) :: keys
+      type(load_case_t), intent(inout) :: record
+      real(wp), allocatable :: center(:)
+
+      if (record%kind /= 'motion') then
+         call keys%ignored([character(len=9) :: 'interface', 'motion', 'center'], "with kind = 'motion'", decided_by='kind')
+         return
+      end if
+      call keys%name_key('interface', record%interface, required=.true.)
+      call keys%name_key('motion', record%motion, ['translation', 'rotation   '])
+      if (record%motion == 'rotation') then
+         center = record%center
+         call keys%real_list('center', center, any_value, [2, 2])
+         record%center = center
+      else
+         call keys%ignored(['center'], "with motion = 'rotation'", decided_by='motion')
+      end if
+   end subroutine motion_keys
 
    !> Fewest and most values of a key with one value per node set.
    pure function part_count(node_set) result(counts)
@@ -134,6 +156,8 @@ contains
       end if
       call keys%integer_key('stride', record%stride, at_least(1))
       call keys%real_list('snapshots', record%snapshots, non_negative)
+      call keys%real_key('checkpoint_interval', record%checkpoint_interval, positive)
+      call keys%integer_key('checkpoint_steps', record%checkpoint_steps, at_least(1))
       call keys%finish()
    end subroutine output_keys
 

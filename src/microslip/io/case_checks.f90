@@ -34,10 +34,16 @@ contains
       end do
       do k = 1, size(groups)
          select case (groups(k)%name)
+         case ('case')
+            call check_first(groups(k), input)
          case ('topography')
             call check_topography_use(groups(k), input)
          case ('load')
             call check_load_use(groups(k), input)
+            call check_motion(groups(k), input, interfaces)
+         case ('contact')
+            if (input%contact%compliance == 'fft' .and. any(input%interfaces%grid == 'fe_nodes')) call groups(k)%fault( &
+               'compliance', "'auto' or 'dense': an interface with grid = 'fe_nodes' has no half space")
          case ('damping')
             call check_damping(groups(k), input)
          case ('preload')
@@ -65,6 +71,20 @@ contains
          if (allocated(input%analyses)) call check_use(groups(k), input)
       end do
    end subroutine check_case
+
+   !> The preload comes first; only what is pressed together from the beginning needs none.
+   subroutine check_first(group, input)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      integer :: k
+
+      if (.not. (allocated(input%analyses) .and. group%sound('analyses'))) return
+      if (input%analyses(1) == 'preload') return
+      if (.not. input%runs('preload') .and. size(input%interfaces) > 0 &
+          .and. all([(allocated(input%interfaces(k)%initial_pressure), k=1, size(input%interfaces))])) return
+      call group%fault('analyses', "'preload' first, the other analyses start from its result (none needed where all "// &
+         'interfaces have an initial_pressure)')
+   end subroutine check_first
 
    !> Names of the groups of one kind differ.
    subroutine check_names(groups, kind, names)
@@ -106,7 +126,7 @@ contains
       case ('output')
          if (.not. input%runs('transient')) call group%ignored(['snapshots'], "with 'transient' in the analyses of &case")
          if (.not. (input%runs('transient') .or. input%runs('settling'))) call group%ignored( &
-            ['stride'], "with 'transient' or 'settling' in the analyses of &case")
+            [character(len=16) :: 'stride', 'checkpoint_steps'], "with 'transient' or 'settling' in the analyses of &case")
          if (.not. any([input%runs('transient'), input%runs('qsma'), input%runs('settling'), &
             input%runs('harmonic_balance'), input%runs('epmc')])) &
             call group%ignored([character(len=16) :: 'sensors', 'sensor_direction'], &
@@ -121,7 +141,7 @@ contains
       character(len=*), intent(in) :: topographies(:)
 
       associate (name => input%interfaces(group%number)%topography)
-         if (.not. group%sound('topography')) return
+         if (.not. group%sound('topography') .or. allocated(input%interfaces(group%number)%initial_pressure)) return
          if (name == '' .and. size(input%topographies) == 1) then
             name = input%topographies(1)%name
          else if (name == '' .and. size(input%topographies) > 1) then
@@ -139,6 +159,7 @@ contains
       integer :: k
 
       do k = 1, size(input%interfaces)
+         if (allocated(input%interfaces(k)%initial_pressure)) cycle
          if (any(input%find_topography(input%interfaces(k)%topography) == [0, group%number])) return
       end do
       call group%fault('', 'a &topography that an &interface uses, this one would be ignored')
@@ -150,10 +171,13 @@ contains
       type(case_t), intent(in) :: input
       integer :: k
 
-      if (.not. allocated(input%preload%loads)) return
-      do k = 1, size(input%preload%loads)
-         if (any(input%find_load(input%preload%loads(k)) == [0, group%number])) return
-      end do
+      if (allocated(input%preload%loads)) then
+         do k = 1, size(input%preload%loads)
+            if (any(input%find_load(input%preload%loads(k)) == [0, group%number])) return
+         end do
+      else if (input%runs('preload')) then
+         return
+      end if
       do k = 1, size(input%excitations)
          if (any(input%find_load(input%excitations(k)%load) == [0, group%number])) return
       end do
@@ -162,6 +186,19 @@ contains
       call group%fault('', 'a &load that &preload, &settling, &harmonic_balance or an &excitation uses, '// &
          'this one would be ignored')
    end subroutine check_load_use
+
+   !> The interface of a motion exists.
+   subroutine check_motion(group, input, interfaces)
+      type(group_keys_t), intent(inout) :: group
+      type(case_t), intent(in) :: input
+      character(len=*), intent(in) :: interfaces(:)
+
+      associate (load => input%loads(group%number))
+         if (load%kind /= 'motion' .or. .not. group%sound('interface')) return
+         if (input%find_interface(load%interface) == 0) &
+            call group%fault('interface', known_names('interface', load%interface, interfaces))
+      end associate
+   end subroutine check_motion
 
    !> Modal damping fits the number of modes, the reference mode is among them.
    subroutine check_damping(group, input)
@@ -188,6 +225,12 @@ contains
       if (allocated(input%preload%interface_force)) then
          if (size(input%preload%interface_force) /= interfaces .and. interfaces > 0) call group%fault('interface_force', &
             'one number per interface, '//to_text(interfaces))
+         do k = 1, interfaces
+            if (.not. allocated(input%interfaces(k)%initial_pressure)) cycle
+            call group%fault('interface_force', "load_scale in its place: interface '"//trim(input%interfaces(k)%name)// &
+               "' has an initial_pressure, which says its force")
+            exit
+         end do
       end if
       if (.not. allocated(input%preload%loads)) return
       do k = 1, size(input%preload%loads)
@@ -195,7 +238,7 @@ contains
             if (load == 0) then
                call group%fault('loads', known_names('load', input%preload%loads(k), loads))
             else if (input%loads(load)%kind == 'modal') then
-               call group%fault('loads', "loads of kind 'nodes', modes are known only after the preload")
+               call group%fault('loads', "loads of another kind than 'modal', modes are known only after the preload")
             end if
          end associate
          if (position_of(input%preload%loads(k), input%preload%loads(:k - 1)) > 0) &
@@ -343,6 +386,8 @@ contains
       if (group%sound('load') .and. load == 0) then
          call group%fault('load', known_names('load', input%harmonic_balance%load, loads))
       else if (load > 0) then
+         if (input%loads(load)%kind == 'motion') call group%fault('load', &
+            "a load of another kind than 'motion', which is for static loads and the time integration")
          if (input%loads(load)%kind == 'modal') &
             call check_mode(group, input, 'load', 'harmonic_balance', input%loads(load)%mode, 'a modal load')
       end if

@@ -27,16 +27,20 @@ contains
       call keys%real_list('axis_1', record%axis_1, any_value, [3, 3])
       call check_direction(keys, 'axis_1', record%axis_1)
       call keys%real_key('friction', record%friction, non_negative, required=.true.)
-      call material_keys(keys, record)
-      call keys%integer_key('nx', record%nx, at_least(1, most_cells), required=.true.)
-      call keys%integer_key('ny', record%ny, at_least(1, most_cells), required=.true.)
-      call keys%real_list('extent', record%extent, any_value, [4, 4])
-      call check_box(keys, 'extent', record%extent)
-      call keys%real_table('holes', record%holes, 3, any_value, [1, most_holes])
-      if (keys%is_reading .and. allocated(record%holes)) then
-         if (any(record%holes(3, :) <= 0.0_wp)) call keys%fault('holes', 'x, y, radius of every hole, with a radius > 0')
+      call keys%name_key('grid', record%grid, ['half_space', 'fe_nodes  '])
+      if (record%grid == 'fe_nodes') then
+         call keys%ignored([character(len=13) :: 'young_modulus', 'poisson_ratio', 'nx', 'ny', 'extent', 'holes', &
+            'coupling'], &
+            "with grid = 'half_space'", decided_by='grid')
+      else
+         call grid_keys(keys, record)
       end if
-      call keys%name_key('topography', record%topography)
+      call keys%optional_real('initial_pressure', record%initial_pressure, positive)
+      if (allocated(record%initial_pressure)) then
+         call keys%ignored(['topography'], 'without initial_pressure', decided_by='initial_pressure')
+      else
+         call keys%name_key('topography', record%topography)
+      end if
       call keys%name_key('potential', record%potential, ['auto', 'all '])
       if (record%potential == 'auto') then
          call keys%optional_real('potential_margin', record%potential_margin, positive)
@@ -45,6 +49,25 @@ contains
       end if
       call keys%finish()
    end subroutine interface_keys
+
+   !> Half spaces and the grid of their boundary elements.
+   subroutine grid_keys(keys, record)
+      type(group_keys_t), intent(inout) :: keys
+      type(interface_case_t), intent(inout) :: record
+      logical :: needed
+
+      needed = keys%sound('grid')
+      call material_keys(keys, record, needed)
+      call keys%integer_key('nx', record%nx, at_least(1, most_cells), required=needed)
+      call keys%integer_key('ny', record%ny, at_least(1, most_cells), required=needed)
+      call keys%real_list('extent', record%extent, any_value, [4, 4])
+      call check_box(keys, 'extent', record%extent)
+      call keys%real_table('holes', record%holes, 3, any_value, [1, most_holes])
+      call keys%name_key('coupling', record%coupling, ['series     ', 'scale_split'])
+      call check_coupling(keys, record)
+      if (.not. (keys%is_reading .and. allocated(record%holes))) return
+      if (any(record%holes(3, :) <= 0.0_wp)) call keys%fault('holes', 'x, y, radius of every hole, with a radius > 0')
+   end subroutine grid_keys
 
    !> The two ways to say where the interface is: two node sets, or a plane.
    subroutine place_keys(keys, record)
@@ -73,14 +96,16 @@ contains
    end subroutine place_keys
 
    !> Elastic constants: one value serves both bodies, except for ground, which is rigid then.
-   subroutine material_keys(keys, record)
+   subroutine material_keys(keys, record, needed)
       type(group_keys_t), intent(inout) :: keys
       type(interface_case_t), intent(inout) :: record
+      !> Whether a missing one is a fault
+      logical, intent(in) :: needed
       integer :: bodies
 
-      call keys%real_list('young_modulus', record%young_modulus, positive, [1, 2], required=.true.)
+      call keys%real_list('young_modulus', record%young_modulus, positive, [1, 2], required=needed)
       call keys%real_list('poisson_ratio', record%poisson_ratio, &
-         between(-1.0_wp, 0.5_wp, closed_upper=.true.), [1, 2], required=.true.)
+         between(-1.0_wp, 0.5_wp, closed_upper=.true.), [1, 2], required=needed)
       if (.not. keys%is_reading) return
       if (.not. (allocated(record%young_modulus) .and. allocated(record%poisson_ratio))) return
       bodies = 2
@@ -90,6 +115,17 @@ contains
       if (size(record%poisson_ratio) > bodies) call keys%fault('poisson_ratio', &
          "one value: the ground is rigid, young_modulus has one value")
    end subroutine material_keys
+
+   !> The scale-split coupling needs an FE model of every body that deforms.
+   subroutine check_coupling(keys, record)
+      type(group_keys_t), intent(inout) :: keys
+      type(interface_case_t), intent(in) :: record
+
+      if (.not. (keys%is_reading .and. allocated(record%young_modulus))) return
+      if (record%coupling == 'scale_split' .and. record%side_b == 'ground' .and. size(record%young_modulus) > 1) &
+         call keys%fault('coupling', "'series', or one young_modulus: elastic ground is not in the FE model, "// &
+         'which has to hold the long waves of both bodies')
+   end subroutine check_coupling
 
    !> `&topography`.
    subroutine topography_keys(keys, record)

@@ -32,8 +32,6 @@ contains
             call keys%fault('analyses', 'every analysis once')
             exit
          end do
-         if (input%analyses(1) /= 'preload') &
-            call keys%fault('analyses', "'preload' first, the other analyses start from its result")
       end if
       call keys%finish()
    end subroutine case_keys

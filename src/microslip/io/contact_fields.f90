@@ -82,7 +82,7 @@ contains
       associate (pad => system%pads(k))
          do p = 1, size(pad%potential)
             associate (force => contact%force(:, pad%point_offset + p), row => pad%potential(p))
-               values(row, :3) = force/pad%grid%cell_area()
+               values(row, :3) = force/pad%grid%area(row)
                values(row, 4) = contact%gap(1, pad%point_offset + p)
                limit = pad%friction*force(1)
                if (limit > 0.0_wp) values(row, 5) = norm2(force(2:3))/limit

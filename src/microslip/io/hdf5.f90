@@ -12,7 +12,8 @@ module microslip_io_hdf5
    use h5ds, only: h5dsattach_scale_f, h5dsis_attached_f, h5dsis_scale_f, h5dsset_scale_f
    use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_space_f, &
       h5aget_type_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, h5dclose_f, h5dcreate_f, h5dget_space_f, &
-      h5dget_type_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dvlen_reclaim_f, h5dwrite_f, h5eset_auto_f, h5fclose_f, &
+      h5dget_type_f, h5dont_atexit_f, h5dopen_f, h5dread_f, h5dset_extent_f, &
+      h5dvlen_reclaim_f, h5dwrite_f, h5eset_auto_f, h5fclose_f, &
       h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5gget_obj_info_idx_f, &
       h5gn_members_f, h5ldelete_f, h5lexists_f, h5open_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
       h5pset_create_inter_group_f, h5pset_deflate_f, h5pset_fclose_degree_f, h5pset_shuffle_f, h5sclose_f, &
@@ -90,6 +91,7 @@ module microslip_io_hdf5
       procedure :: open => open_series
       procedure :: step_count
       procedure :: close => close_series
+      procedure :: read_steps
       generic :: append => append_real_1, append_real_2, append_real_3, append_integer_1, append_integer_2
       procedure, private :: append_real_1, append_real_2, append_real_3, append_integer_1, append_integer_2
    end type series_t
@@ -101,6 +103,8 @@ contains
       integer :: status
 
       if (library_is_open) return
+      ! All files are closed by hand; at its end the library would write again what could not be written, and crash.
+      call h5dont_atexit_f(status)
       call h5open_f(status)
       call h5eset_auto_f(0, status)
       library_is_open = .true.
@@ -1241,6 +1245,37 @@ contains
       self%id = -1
       if (status < 0) call failure(error, self%label//'cannot finish writing (disk full?)')
    end subroutine close_series
+
+   !> Read some steps of a series of reals, (numbers of a step, steps).
+   subroutine read_steps(self, first, count, block, error)
+      class(series_t), intent(in) :: self
+      !> The first of them, from 1, and how many
+      integer, intent(in) :: first, count
+      real(wp), allocatable, target, intent(out) :: block(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer(hsize_t) :: counts(size(self%leading) + 1), offset(size(self%leading) + 1)
+      type(c_ptr) :: data
+      integer(hid_t) :: memory, space
+      integer :: status, ignored
+
+      if (self%id < 0 .or. self%holds_integers .or. first < 1 .or. count < 1 .or. first - 1 + count > self%steps) then
+         call failure(error, self%label//'is closed, or has no such steps of reals')
+         return
+      end if
+      allocate (block(int(product(self%leading)), count))
+      if (size(block) == 0) return
+      counts = [self%leading, int(count, hsize_t)]
+      offset = 0
+      offset(size(offset)) = first - 1
+      call h5screate_simple_f(size(counts), counts, memory, ignored)
+      call h5dget_space_f(self%id, space, ignored)
+      call h5sselect_hyperslab_f(space, h5s_select_set_f, offset, counts, ignored)
+      data = c_loc(block)
+      call h5dread_f(self%id, h5t_native_double, data, status, memory, space)
+      call h5sclose_f(space, ignored)
+      call h5sclose_f(memory, ignored)
+      if (status < 0) call failure(error, self%label//'cannot be read')
+   end subroutine read_steps
 
    !> Append steps of a scalar, (steps).
    subroutine append_real_1(self, block, error)

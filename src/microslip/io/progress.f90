@@ -25,6 +25,8 @@ module microslip_io_progress
       character(len=:), allocatable :: label
       !> s, simulated: whole run, at the last look, at the last plain line
       real(wp) :: duration = 0.0_wp, seen_time = 0.0_wp, written_time = 0.0_wp
+      !> s, simulated, at the first call: not zero if a run is continued; negative before
+      real(wp) :: first_time = -1.0_wp
       !> s on the wall clock: start, last look, last line
       real(wp) :: started = 0.0_wp, seen = 0.0_wp, written = 0.0_wp
       !> Wall seconds per simulated second
@@ -85,6 +87,11 @@ contains
       real(wp) :: now, elapsed, weight, speed
 
       if (self%silent) return
+      if (self%first_time < 0.0_wp) then
+         self%first_time = time
+         self%seen_time = time
+         self%written_time = time
+      end if
       self%calls_left = self%calls_left - 1
       if (self%calls_left > 0) return
       now = wall_clock()
@@ -120,7 +127,7 @@ contains
       if (self%silent) return
       ! Over the whole run; what is left of an unfinished run is not known.
       self%rate = 0.0_wp
-      if (time > 0.0_wp) self%rate = (wall_clock() - self%started)/time
+      if (time > self%first_time) self%rate = (wall_clock() - self%started)/(time - max(0.0_wp, self%first_time))
       call draw(self, time, counts)
       if (self%terminal) write (self%unit, '(a)') ''
       self%silent = .true.

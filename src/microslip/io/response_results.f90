@@ -1,12 +1,14 @@
 !> Points on a response curve in the result file: /harmonic_balance and /epmc (doc/results.md).
 !>
-!> Every point is appended as it is found and brought into the file: a run that ends early keeps its points.
+!> Every point is appended as it is found; the file is published every so often, and where a run ends early.
 module microslip_io_response_results
    use microslip_analysis_continuation, only: curve_record_t, ended_at_last
    use microslip_analysis_response_point, only: response_point_t, response_recorder_t
    use microslip_core_error, only: error_t
+   use microslip_core_interruption, only: hold_signals, release_signals, stop_requested
    use microslip_core_kinds, only: wp
    use microslip_io_hdf5, only: hdf5_file_t, series_t
+   use microslip_io_results, only: results_t
    implicit none(type, external)
    private
 
@@ -43,6 +45,7 @@ module microslip_io_response_results
    !> Recorder that writes into a result file.
    type, extends(response_recorder_t) :: response_results_t
       private
+      type(results_t), pointer :: results => null()
       type(hdf5_file_t) :: file
       character(len=:), allocatable :: group
       type(series_t) :: number(size(reals)), count(size(integers)), modal_amplitude, harmonics, sensor
@@ -59,10 +62,10 @@ module microslip_io_response_results
 contains
 
    !> Make the series.
-   subroutine create(self, file, analysis, sensor_names, n_modes, harmonics, error)
+   subroutine create(self, results, analysis, sensor_names, n_modes, harmonics, error)
       class(response_results_t), intent(inout) :: self
       !> Open result file; it must stay open until `close`
-      type(hdf5_file_t), intent(in) :: file
+      type(results_t), intent(in), target :: results
       !> 'harmonic_balance' or 'epmc'
       character(len=*), intent(in) :: analysis
       !> (sensors)
@@ -72,7 +75,9 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      self%file = file
+      self%results => results
+      self%file = results%file
+      call hold_signals()
       self%group = '/'//analysis
       self%is_mode = analysis == 'epmc'
       self%wanted = merge(free, forced, self%is_mode)
@@ -117,8 +122,9 @@ contains
       if (self%is_mode .and. .not. allocated(error)) call self%modal_amplitude%append([point%modal_amplitude], error)
       if (.not. allocated(error)) call self%harmonics%append(reshape(point%modal, [shape(point%modal), 1]), error)
       if (.not. allocated(error)) call self%sensor%append(reshape(point%sensor, [shape(point%sensor), 1]), error)
-      if (.not. allocated(error)) call self%file%flush(error)
       self%points = self%points + 1
+      if (.not. allocated(error)) call self%results%publish_if_due(error)
+      if (.not. allocated(error)) call stop_requested(error)
    end subroutine record
 
    !> How the curves went.
@@ -150,6 +156,7 @@ contains
       type(error_t), allocatable :: ignored
       integer :: k
 
+      call release_signals()
       if (.not. self%file%is_open()) return
       do k = 1, size(reals)
          if (self%wanted(k)) call self%number(k)%close(ignored)

@@ -2,18 +2,25 @@
 !>
 !> Axes are dimension scales: /interface_K/x and y of all maps of interface K. A Fortran map (nx, ny) is [y, x] in
 !> other languages.
+!>
+!> The program works on a file with `.part` behind its name. Readers see the file without: a copy that is replaced as a
+!> whole every so often (published), and in the end the file itself. It can be read at any moment and survives any end of
+!> the process, a full disk and a loss of power; nothing has to be known of HDF5's caches.
 module microslip_io_results
    use, intrinsic :: iso_fortran_env, only: compiler_options, compiler_version
    use microslip_analysis_linear_modes, only: linear_modes_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: preload_record_t
    use microslip_contact_problem, only: count_states
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp, pi
+   use microslip_core_stopwatch, only: wall_time
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t
+   use microslip_io_interface_maps, only: attach_axes, write_map
    use microslip_io_provenance, only: host_name, utc_now
+   use microslip_io_whole_files, only: can_be_replaced, copy_file, move_file, remove_file
    use microslip_system_jointed_system, only: jointed_system_t
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
@@ -24,11 +31,27 @@ module microslip_io_results
    !> Changes when a script that reads result files has to.
    integer, parameter :: format_version = 1
 
+   !> Behind the name of the file that is worked on.
+   character(len=*), parameter :: unfinished = '.part'
+   !> Largest part of the wall time that may go into publishing.
+   real(wp), parameter :: publishing_share = 0.02_wp
+
    !> An open result file.
    type :: results_t
       type(hdf5_file_t) :: file
+      !> Where readers find it
+      character(len=:), allocatable :: path
+      !> s, wall time from one publication to the next
+      real(wp) :: interval = 60.0_wp
+      !> s on the clock
+      real(wp), private :: due = huge(1.0_wp)
    contains
       procedure :: create
+      procedure :: resume
+      procedure :: publish
+      procedure :: publish_if_due
+      procedure :: is_due
+      procedure :: discard
       procedure :: write_provenance
       procedure :: write_setup
       procedure :: write_model
@@ -41,28 +64,91 @@ module microslip_io_results
 
    !> Write a dataset unless an earlier write failed: a sequence of these needs one look at `error`, at its end.
    interface put
-      procedure :: put_real, put_reals, put_table, put_integer, put_integer_map, put_texts
+      procedure :: put_real, put_reals, put_table, put_integer, put_integers, put_integer_map, put_texts
    end interface put
 
 contains
 
-   !> Start a new result file.
+   !> Start a new result file. What has its name stays until the new one is published.
    subroutine create(self, path, error)
       class(results_t), intent(inout) :: self
       !> Where to; a file that is there is replaced
       character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(out) :: error
 
-      call self%file%create(path, error)
+      self%path = path
+      if (.not. can_be_replaced(path)) then
+         call bad_input(error, path//': cannot be replaced (a folder, or not to be written)')
+         return
+      end if
+      call self%file%create(path//unfinished, error)
+      self%due = wall_time() + self%interval
    end subroutine create
 
-   !> Finish and close; harmless if the file is not open.
+   !> Go on with a result file that was published before.
+   subroutine resume(self, path, error)
+      class(results_t), intent(inout) :: self
+      !> Where it is
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable, intent(out) :: error
+
+      ! This fails if another run is at work on it.
+      call self%create(path, error)
+      if (.not. allocated(error)) call self%file%close(error)
+      if (.not. allocated(error)) call copy_file(path, path//unfinished, error)
+      if (.not. allocated(error)) call self%file%open(path//unfinished, error, writable=.true.)
+      if (allocated(error)) call remove_file(path//unfinished)
+   end subroutine resume
+
+   !> Everything written so far goes into the file that readers see.
+   subroutine publish(self, error)
+      class(results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: began
+
+      began = wall_time()
+      call self%file%flush(error)
+      if (.not. allocated(error)) call copy_file(self%path//unfinished, self%path, error)
+      self%due = wall_time() + max(self%interval, (wall_time() - began)/publishing_share)
+   end subroutine publish
+
+   !> Publish if the time has come.
+   subroutine publish_if_due(self, error)
+      class(results_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+
+      if (self%is_due()) call self%publish(error)
+   end subroutine publish_if_due
+
+   !> Whether the time has come to publish.
+   logical function is_due(self)
+      class(results_t), intent(in) :: self
+      is_due = wall_time() >= self%due
+   end function is_due
+
+   !> Finish, close and publish; harmless if the file is not open. If that fails, what was published before stays.
    subroutine close_results(self, error)
       class(results_t), intent(inout) :: self
       type(error_t), allocatable, intent(out) :: error
 
+      if (.not. self%file%is_open()) return
       call self%file%close(error)
+      if (.not. allocated(error)) then
+         call move_file(self%path//unfinished, self%path, error)
+      else
+         call remove_file(self%path//unfinished)
+      end if
    end subroutine close_results
+
+   !> Close and remove what is not published; harmless if the file is not open.
+   subroutine discard(self)
+      class(results_t), intent(inout) :: self
+      type(error_t), allocatable :: ignored
+
+      if (.not. self%file%is_open()) return
+      call self%file%close(ignored)
+      call remove_file(self%path//unfinished)
+   end subroutine discard
 
    !> Who made this file, when, where and how: attributes of '/'.
    subroutine write_provenance(self, version, commit, command_line, threads, error)
@@ -179,38 +265,40 @@ contains
       character(len=*), intent(in) :: group
       type(error_t), allocatable, intent(out) :: error
       logical :: potential(pad%grid%point_count())
+      integer, allocatable :: map(:, :)
 
       potential = .false.
       potential(pad%potential) = .true.
-      call put(file, group//'/x', pad%grid%x, 'm', 'cell centres along t1', error)
-      call put(file, group//'/y', pad%grid%y, 'm', 'cell centres along t2', error)
-      call put(file, group//'/height', pad%grid%to_map(pad%height), 'm', &
+      call put(file, group//'/x', pad%grid%x, 'm', points_of(pad)//' along t1', error)
+      call put(file, group//'/y', pad%grid%y, 'm', points_of(pad)//' along t2', error)
+      if (.not. allocated(error)) call file%make_scale(group//'/x', 'x', error)
+      if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
+      call write_map(file, pad%grid, group, group//'/height', pad%grid%to_map(pad%height), 'm', &
          & 'composite surface height, 0 at the highest point; NaN where there is no contact point', error)
-      call put(file, group//'/potential', unpack(merge(1, 0, potential), pad%grid%inside, 0), '1', &
-         & '1 for points in potential contact, 0 for the others', error)
+      call write_map(file, pad%grid, group, group//'/area', pad%grid%to_map(pad%grid%area), 'm^2', &
+         & 'area of the contact points: force over pressure', error)
+      map = unpack(merge(1, 0, potential), pad%grid%inside, 0)
+      if (pad%grid%regular) then
+         call put(file, group//'/potential', map, '1', '1 for points in potential contact, 0 for the others', error)
+      else
+         call put(file, group//'/potential', map(:, 1), '1', '1 for points in potential contact, 0 for the others', error)
+      end if
+      call attach_axes(file, pad%grid, group, group//'/potential', error)
       call put(file, group//'/friction', pad%friction, '1', 'friction coefficient', error)
       call put(file, group//'/origin', pad%contact%origin, 'm', 'point with x = y = 0 in the axes of the model', error)
       call put(file, group//'/frame', pad%contact%frame, '1', &
          & '[axis, component]: n (from body B to body A), t1 (x), t2 (y) in the axes of the model', error)
       if (.not. allocated(error)) call file%set_attribute(group, 'name', pad%contact%name, error)
-      if (.not. allocated(error)) call file%make_scale(group//'/x', 'x', error)
-      if (.not. allocated(error)) call file%make_scale(group//'/y', 'y', error)
-      call attach_axes(file, group//'/height', group, error)
-      call attach_axes(file, group//'/potential', group, error)
    end subroutine write_interface
 
-   !> x and y of an interface become the axes of a map.
-   subroutine attach_axes(file, path, group, error)
-      type(hdf5_file_t), intent(in) :: file
-      !> Dataset (nx, ny)
-      character(len=*), intent(in) :: path
-      !> Group of the interface
-      character(len=*), intent(in) :: group
-      type(error_t), allocatable, intent(inout) :: error
+   !> Where the contact points of a pad lie, in words.
+   pure function points_of(pad) result(text)
+      type(pad_t), intent(in) :: pad
+      character(len=:), allocatable :: text
 
-      if (.not. allocated(error)) call file%attach_scale(path, 1, group//'/x', error)
-      if (.not. allocated(error)) call file%attach_scale(path, 2, group//'/y', error)
-   end subroutine attach_axes
+      text = 'contact points (FE nodes)'
+      if (pad%grid%regular) text = 'cell centres'
+   end function points_of
 
    !> Equilibrium under the preload: /preload. The interfaces must have been written.
    subroutine write_preload(self, system, state, record, load_names, error)
@@ -231,8 +319,8 @@ contains
          group = interface_group(k)
          do f = 1, size(fields)
             path = '/preload/'//group//'/'//trim(fields(f)%name)
-            call put(self%file, path, maps(k)%map(:, :, f), trim(fields(f)%units), trim(fields(f)%description), error)
-            call attach_axes(self%file, path, '/'//group, error)
+            call write_map(self%file, system%pads(k)%grid, '/'//group, path, maps(k)%map(:, :, f), trim(fields(f)%units), &
+               & trim(fields(f)%description), error)
          end do
       end do
    end subroutine write_preload
@@ -334,6 +422,14 @@ contains
       type(error_t), allocatable, intent(inout) :: error
       if (.not. allocated(error)) call file%write(path, value, units, description, error)
    end subroutine put_integer
+
+   subroutine put_integers(file, path, value, units, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units, description
+      integer, intent(in), contiguous :: value(:)
+      type(error_t), allocatable, intent(inout) :: error
+      if (.not. allocated(error)) call file%write(path, value, units, description, error)
+   end subroutine put_integers
 
    subroutine put_integer_map(file, path, value, units, description, error)
       type(hdf5_file_t), intent(in) :: file

@@ -6,6 +6,7 @@ module microslip_io_settling_results
    use microslip_core_kinds, only: wp
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, field_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t
+   use microslip_io_interface_maps, only: map_axes, write_map, write_maps
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
@@ -52,8 +53,8 @@ contains
             call put_fields(file, system, record, k, first, f, error)
          end do
          do f = 1, size(fields)
-            call put_map(file, '/settling/rest/'//interface_group(k)//'/'//trim(fields(f)%name), k, maps(k)%map(:, :, f), &
-               & fields(f), error)
+            call write_map(file, system%pads(k)%grid, '/'//interface_group(k), '/settling/rest/'//interface_group(k)//'/' &
+               & //trim(fields(f)%name), maps(k)%map(:, :, f), trim(fields(f)%units), trim(fields(f)%description), error)
          end do
          first = first + system%pads(k)%grid%point_count()
       end do
@@ -92,11 +93,9 @@ contains
          do impact = 0, last
             maps(:, :, 1 + impact) = grid%to_map(values_of(record, impact, f, first, grid%point_count()))
          end do
-         call file%write(path, maps, trim(field%units), '[impact, y, x]: '//trim(field%description) &
-            & //'; row 0 before the first', error)
+         call write_maps(file, grid, '/'//interface_group(k), path, maps, trim(field%units), '[impact, '//map_axes(grid) &
+            & //']: '//trim(field%description)//'; row 0 before the first', error)
       end associate
-      if (.not. allocated(error)) call file%attach_scale(path, 1, '/'//interface_group(k)//'/x', error)
-      if (.not. allocated(error)) call file%attach_scale(path, 2, '/'//interface_group(k)//'/y', error)
    end subroutine put_fields
 
    !> A field at the points of one interface, (points).
@@ -118,19 +117,5 @@ contains
          end select
       end associate
    end function values_of
-
-   !> One map of one interface.
-   subroutine put_map(file, path, k, map, field, error)
-      type(hdf5_file_t), intent(in) :: file
-      character(len=*), intent(in) :: path
-      integer, intent(in) :: k
-      real(wp), intent(in) :: map(:, :)
-      type(field_t), intent(in) :: field
-      type(error_t), allocatable, intent(inout) :: error
-
-      if (.not. allocated(error)) call file%write(path, map, trim(field%units), trim(field%description), error)
-      if (.not. allocated(error)) call file%attach_scale(path, 1, '/'//interface_group(k)//'/x', error)
-      if (.not. allocated(error)) call file%attach_scale(path, 2, '/'//interface_group(k)//'/y', error)
-   end subroutine put_map
 
 end module microslip_io_settling_results

@@ -1,18 +1,22 @@
 !> Time series of a time integration in the result file: /transient, or the group of the analysis that integrates
 !> (doc/results.md).
 !>
-!> Samples are collected and appended in blocks; at least every ten seconds of wall time all of them reach the file, so
-!> that an interrupted run keeps its results. The groups of snapshots and harmonics are made with the first
-!> of them.
+!> Samples are collected and appended in blocks; the file is published every so often, so that an interrupted run keeps
+!> its results. The groups of snapshots and harmonics are made with the first of them. A run that is resumed opens its
+!> series, and drops what lies behind the restart point.
 module microslip_io_transient_results
    use microslip_analysis_harmonic_meter, only: harmonic_window_t
    use microslip_analysis_transient, only: energy_t, sample_t, transient_record_t, transient_recorder_t
    use microslip_contact_problem, only: contact_state_t
-   use microslip_core_error, only: error_t
+   use microslip_core_archive, only: archive_t
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_interruption, only: hold_signals, release_signals, stop_requested
    use microslip_core_kinds, only: wp
+   use microslip_io_checkpoint, only: keep_point
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t, series_t
-   use microslip_io_progress, only: progress_t, wall_clock
+   use microslip_io_interface_maps, only: append_map, attach_axes, map_axes, map_shape
+   use microslip_io_progress, only: progress_t
    use microslip_io_results, only: results_t
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
@@ -20,9 +24,8 @@ module microslip_io_transient_results
 
    public :: transient_results_t
 
-   !> Samples that are appended together, and wall time after which all must be in the file, s.
+   !> Samples that are appended together.
    integer, parameter :: block_size = 256
-   real(wp), parameter :: flush_interval = 10.0_wp
 
    !> A series of one number per sample.
    type :: column_t
@@ -54,7 +57,8 @@ module microslip_io_transient_results
    type, extends(transient_recorder_t) :: transient_results_t
       !> Started by the caller if a progress line is wanted
       type(progress_t) :: line
-      !> The open result file (a copy of its handle)
+      !> The open result file, and a copy of its handle
+      type(results_t), pointer, private :: results => null()
       type(hdf5_file_t), private :: file
       type(series_t), private :: time, sensor, modal, energy(size(energies)), contact(size(contacts)), residual
       type(series_t), private :: snapshot_time
@@ -66,7 +70,6 @@ module microslip_io_transient_results
       !> Samples that are not yet in the file
       type(sample_t), private :: pending(block_size)
       integer, private :: n_pending = 0
-      real(wp), private :: flushed_at = 0.0_wp
       !> Last sample, for the end of the progress line
       type(sample_t), private :: last
    contains
@@ -75,29 +78,36 @@ module microslip_io_transient_results
       procedure :: snapshot
       procedure :: progress
       procedure :: harmonics
+      procedure :: restart_point
       procedure :: write_summary
       procedure :: close => close_transient
    end type transient_results_t
 
 contains
 
-   !> Make the series.
-   subroutine create(self, results, system, sensor_names, error, group)
+   !> Make the series, or find those of an interrupted run.
+   subroutine create(self, results, system, sensor_names, error, group, resuming)
       class(transient_results_t), intent(inout) :: self
       !> Open result file with its interfaces written; it must stay open until `close`
-      type(results_t), intent(in) :: results
+      type(results_t), intent(in), target :: results
       type(jointed_system_t), intent(in) :: system
       !> (sensors)
       character(len=*), intent(in) :: sensor_names(:)
       type(error_t), allocatable, intent(out) :: error
       !> Group of the file, '/transient' by default
       character(len=*), intent(in), optional :: group
+      !> `restart_point` will open the series
+      logical, intent(in), optional :: resuming
       integer :: k
 
       self%group = '/transient'
       if (present(group)) self%group = group
+      self%results => results
       self%file = results%file
-      self%flushed_at = wall_clock()
+      call hold_signals()
+      if (present(resuming)) then
+         if (resuming) return
+      end if
       call self%file%write(self%group//'/sensor_name', sensor_names, 'names of the sensors', error)
       if (.not. allocated(error)) call self%time%create(self%file, self%group//'/time', [integer ::], 's', 'time', error)
       if (.not. allocated(error)) call self%file%make_scale(self%group//'/time', 'time', error)
@@ -145,7 +155,9 @@ contains
          if (self%n_pending == block_size) call append_pending(self, error)
          if (allocated(error)) return
       end do
-      if (wall_clock() - self%flushed_at >= flush_interval) call flush_all(self, error)
+      if (self%results%is_due()) call append_pending(self, error)
+      if (.not. allocated(error)) call self%results%publish_if_due(error)
+      if (.not. allocated(error)) call stop_requested(error)
    end subroutine record
 
    !> Append the collected samples to their series.
@@ -194,15 +206,81 @@ contains
       values = [sample%counts, sample%iterations, merge(1, 0, sample%converged)]
    end function contact_values
 
-   !> Bring everything into the file.
-   subroutine flush_all(self, error)
+   !> Samples, snapshots and windows so far. When a point is taken back, the series go on from there.
+   subroutine restart_point(self, archive, error)
       class(transient_results_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
       type(error_t), allocatable, intent(out) :: error
+      integer :: samples, snapshots, windows
 
-      call append_pending(self, error)
-      if (.not. allocated(error)) call self%file%flush(error)
-      self%flushed_at = wall_clock()
-   end subroutine flush_all
+      if (.not. archive%loading) call append_pending(self, error)
+      if (allocated(error)) return
+      samples = self%time%step_count()
+      snapshots = self%snapshot_time%step_count()
+      windows = 0
+      if (allocated(self%windows)) windows = self%windows%time%step_count()
+      call archive%pass(samples)
+      call archive%pass(snapshots)
+      call archive%pass(windows)
+      if (.not. archive%loading) then
+         call keep_point(self%results, archive%contents(), error)
+      else if (archive%sound()) then
+         call open_again(self, samples, snapshots, windows, error)
+      else
+         call failure(error, self%file%path//': the restart point is cut off')
+      end if
+   end subroutine restart_point
+
+   !> Open the series of an interrupted run.
+   subroutine open_again(self, samples, snapshots, windows, error)
+      class(transient_results_t), intent(inout) :: self
+      !> How many to keep
+      integer, intent(in) :: samples, snapshots, windows
+      type(error_t), allocatable, intent(out) :: error
+      character(len=255), allocatable :: names(:)
+      integer :: k, f
+
+      call self%time%open(self%file, self%group//'/time', error, samples)
+      call again(self%sensor, 'sensor', samples)
+      call again(self%modal, 'modal_displacement', samples)
+      call again(self%residual, 'contact/residual', samples)
+      do k = 1, size(energies)
+         call again(self%energy(k), 'energy/'//trim(energies(k)%name), samples)
+      end do
+      do k = 1, size(contacts)
+         call again(self%contact(k), 'contact/'//trim(contacts(k)%name), samples)
+      end do
+      if (windows > 0) then
+         allocate (self%windows)
+         call again(self%windows%time, 'harmonics/time', windows)
+         call again(self%windows%frequency, 'harmonics/frequency', windows)
+         call again(self%windows%step, 'harmonics/step', windows)
+         call again(self%windows%change, 'harmonics/change', windows)
+         call again(self%windows%amplitude, 'harmonics/amplitude', windows)
+         call again(self%windows%phase, 'harmonics/phase', windows)
+      end if
+      if (snapshots == 0 .or. allocated(error)) return
+      call self%file%members(self%group//'/snapshot', names, error)
+      if (allocated(error)) return
+      ! One of them is the time.
+      allocate (self%snapshots(size(fields), size(names) - 1))
+      call again(self%snapshot_time, 'snapshot/time', snapshots)
+      do k = 1, size(self%snapshots, 2)
+         do f = 1, size(fields)
+            call again(self%snapshots(f, k), 'snapshot/'//interface_group(k)//'/'//trim(fields(f)%name), snapshots)
+         end do
+      end do
+
+   contains
+
+      subroutine again(series, name, keep)
+         type(series_t), intent(inout) :: series
+         character(len=*), intent(in) :: name
+         integer, intent(in) :: keep
+         if (.not. allocated(error)) call series%open(self%file, self%group//'/'//name, error, keep)
+      end subroutine again
+
+   end subroutine open_again
 
    !> Take the contact fields.
    subroutine snapshot(self, system, time, contact, error)
@@ -221,7 +299,7 @@ contains
       do k = 1, size(maps)
          do f = 1, size(fields)
             if (allocated(error)) return
-            call self%snapshots(f, k)%append(reshape(maps(k)%map(:, :, f), [shape(maps(k)%map(:, :, f)), 1]), error)
+            call append_map(self%snapshots(f, k), system%pads(k)%grid, maps(k)%map(:, :, f), error)
          end do
       end do
    end subroutine snapshot
@@ -240,15 +318,16 @@ contains
       if (.not. allocated(error)) call self%file%make_scale(axis, 'time', error)
       do k = 1, size(system%pads)
          group = interface_group(k)
-         do f = 1, size(fields)
-            path = self%group//'/snapshot/'//group//'/'//trim(fields(f)%name)
-            if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
-               & shape(system%pads(k)%grid%inside), trim(fields(f)%units), &
-               & '[snapshot, y, x]: '//trim(fields(f)%description), error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 1, '/'//group//'/x', error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 2, '/'//group//'/y', error)
-            if (.not. allocated(error)) call self%file%attach_scale(path, 3, axis, error)
-         end do
+         associate (grid => system%pads(k)%grid)
+            do f = 1, size(fields)
+               path = self%group//'/snapshot/'//group//'/'//trim(fields(f)%name)
+               if (.not. allocated(error)) call self%snapshots(f, k)%create(self%file, path, &
+                  & map_shape(grid), trim(fields(f)%units), '[snapshot, '//map_axes(grid)//']: '//trim(fields(f)%description), &
+                  & error)
+               call attach_axes(self%file, grid, '/'//group, path, error)
+               if (.not. allocated(error)) call self%file%attach_scale(path, size(map_shape(grid)) + 1, axis, error)
+            end do
+         end associate
       end do
    end subroutine create_snapshots
 
@@ -363,9 +442,10 @@ contains
       type(error_t), allocatable :: ignored
       integer :: k, f
 
+      call release_signals()
       call self%line%finish(self%last%time, self%last%counts)
       if (.not. self%file%is_open()) return
-      call flush_all(self, error)
+      call append_pending(self, error)
       call self%time%close(ignored)
       call self%sensor%close(ignored)
       call self%modal%close(ignored)

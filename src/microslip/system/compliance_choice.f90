@@ -22,16 +22,18 @@ module microslip_system_compliance_choice
 
 contains
 
-   !> The choice of a case file. Only the condensed solver has a form for the operator.
-   pure integer function compliance_named(name, solver)
+   !> The choice of a case file. Only the condensed solver has a form for the operator, and only half spaces have one.
+   pure integer function compliance_named(name, solver, half_spaces)
       !> 'auto', 'dense' or 'fft'
       character(len=*), intent(in) :: name
       !> Contact solver
       character(len=*), intent(in) :: solver
+      !> Whether the bodies are half spaces at all interfaces
+      logical, intent(in) :: half_spaces
 
       compliance_named = compliance_auto
       if (name == 'fft') compliance_named = compliance_fft
-      if (name == 'dense' .or. solver /= 'condensed') compliance_named = compliance_dense
+      if (name == 'dense' .or. solver /= 'condensed' .or. .not. half_spaces) compliance_named = compliance_dense
    end function compliance_named
 
    !> Whether the compliance of that many unknowns is to be the operator.

@@ -1,4 +1,4 @@
-!> The contact compliance of all pads as an operator, G = C + W^T F W (METHOD section 4, (19)).
+!> The contact compliance of all pads as an operator, G = C + W^T F W (METHOD section 4, (19)), or C_s in place of C.
 !>
 !> C by FFT, pad by pad, and the structure in factored form: nodal forces W lambda, a product with the dense flexibility F
 !> of the boundary, and back to the points. With F = K_bb^-1 it is the G of dynamics, with F = K_s^-1 that of statics.
@@ -7,6 +7,8 @@ module microslip_system_fft_compliance
    use microslip_core_kinds, only: wp
    use microslip_halfspace_convolution, only: convolution_t, approximate_inverse
    use microslip_halfspace_coupling, only: coupling_t
+   use microslip_halfspace_scale_filter, only: scale_filter_t
+   use microslip_halfspace_split_compliance, only: local_product
    use microslip_linalg_dense, only: product_symmetric
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
@@ -18,6 +20,8 @@ module microslip_system_fft_compliance
    type :: pad_operator_t
       type(convolution_t) :: half_space, inverse
       type(coupling_t) :: coupling
+      !> Not allocated: coupling in series
+      type(scale_filter_t), allocatable :: filter
       !> Points in potential contact: their indices in the grid
       integer, allocatable :: potential(:)
       !> Points of the whole grid, contact points of the pads before, boundary coordinates and those of the pads before
@@ -53,6 +57,7 @@ contains
             pad%half_space = pads(k)%convolution
             pad%inverse = approximate_inverse(pads(k)%convolution)
             pad%coupling = pads(k)%coupling
+            if (allocated(pads(k)%filter)) pad%filter = pads(k)%filter
             pad%potential = pads(k)%potential
             pad%grid_points = pads(k)%grid%point_count()
             pad%point_offset = pads(k)%point_offset
@@ -94,7 +99,7 @@ contains
       end do
    end subroutine product_with
 
-   !> C x on the points of a pad, and its nodal forces W x.
+   !> C x or C_s x on the points of a pad, and its nodal forces W x.
    subroutine half_space_part(pad, x, y, nodal_force)
       type(pad_operator_t), intent(in) :: pad
       real(wp), intent(in), contiguous :: x(:, :)
@@ -106,7 +111,7 @@ contains
       force(:, pad%potential) = x(:, pad%point_offset + 1:pad%point_offset + size(pad%potential))
       call pad%coupling%distribute(force, nodal)
       nodal_force(pad%boundary_offset + 1:pad%boundary_offset + pad%boundary_count) = reshape(nodal, [pad%boundary_count])
-      call pad%half_space%apply(force, gap)
+      call local_product(pad%half_space, force, gap, pad%filter)
       y(:, pad%point_offset + 1:pad%point_offset + size(pad%potential)) = gap(:, pad%potential)
    end subroutine half_space_part
 

@@ -6,6 +6,12 @@
 !>     a_i + D v_i + Khat d_i = f_i - K_bi^T F f_b + R^T lambda,    Khat = K_ii - K_bi^T F K_bi
 !> A load pattern and a sensor are the same thing seen from two sides (reciprocity): both reduce to a modal
 !> part (n_i), a contact part (3P) and, between them, a static compliance of the boundary.
+!>
+!> Two more things are columns of the same kind. An imposed motion s(t) of the surface of side B (a rigid counter-body, or the
+!> ground) has no modal part, and the contact part -psi: gap = ... - psi s, psi (3 per point) the motion of the points. An
+!> initial pressure, lambda_0 = p A in the undeformed state without any gap, is a load of amplitude 1 that is always on,
+!> f_b = -W lambda_0, together with -C lambda_0 in the gap: then gap = G (lambda - lambda_0) + R d_i + ..., and the modes are
+!> loaded by R^T (lambda - lambda_0).
 module microslip_system_jointed_system
    use microslip_contact_compliance_operator, only: contact_compliance_t
    use microslip_contact_problem, only: contact_problem_t
@@ -13,7 +19,7 @@ module microslip_system_jointed_system
    use microslip_core_kinds, only: wp
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
-   use microslip_linalg_dense, only: cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
    use microslip_system_compliance_choice, only: compliance_auto, compliance_dense, compliance_fft, takes_fft
    use microslip_system_fft_compliance, only: fft_compliance_t, new_fft_compliance
    use microslip_system_pad, only: pad_t
@@ -21,6 +27,14 @@ module microslip_system_jointed_system
    private
 
    public :: jointed_system_t, new_system
+
+   !> A motion of side B of a pad.
+   type :: counter_motion_t
+      !> Its index among the loads, and its pad
+      integer :: load = 0, pad = 0
+      !> psi (3, grid points): m per unit of the amplitude, along n, t1, t2
+      real(wp), allocatable :: shape(:, :)
+   end type counter_motion_t
 
    type :: jointed_system_t
       integer :: n_modes = 0, n_loads = 0
@@ -37,6 +51,11 @@ module microslip_system_jointed_system
       integer :: compliance = compliance_auto
       !> (modes, loads) and (loads, loads)
       real(wp), allocatable :: load_modal(:, :), load_load(:, :)
+      !> (loads) amplitudes that are always on: 1 for the initial pressure of the pads, else 0
+      real(wp), allocatable :: held(:)
+      !> (loads) whether the amplitude is an imposed motion, whose conjugate is the contact force -R^T lambda
+      logical, allocatable :: imposed(:)
+      type(counter_motion_t), allocatable, private :: motions(:)
       !> (modes, sensors) and (loads, sensors): u = modal^T d_i + outputs^T lambda + load^T a, the outputs in `problem`
       real(wp), allocatable :: sensor_modal(:, :), sensor_load(:, :)
       !> Highest angular frequency with all of the boundary tied, rad/s
@@ -58,10 +77,13 @@ module microslip_system_jointed_system
       procedure :: modal_force
       procedure :: sensor_values
       procedure :: boundary_displacement
+      procedure :: static_boundary
       procedure :: gaps_everywhere
       procedure :: normal_gaps_everywhere
       procedure :: interface_forces
       procedure :: add_modal_load
+      procedure :: add_motion
+      procedure :: initial_force
    end type jointed_system_t
 
 contains
@@ -77,11 +99,10 @@ contains
       real(wp), intent(in) :: damping(:)
       type(jointed_system_t), intent(out) :: system
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: work(:, :), lambda(:)
+      real(wp), allocatable :: work(:, :), lambda(:), loads_modal(:, :)
       integer :: k
 
       system%n_modes = size(reduced%frequency)
-      system%n_loads = n_loads
       system%frequency = reduced%frequency
       system%damping = damping
       system%pads = pads
@@ -90,6 +111,16 @@ contains
       end do
       system%K_bi = reduced%K_bi
       system%load_boundary = reduced%pattern_b(:, :n_loads)
+      loads_modal = reduced%pattern_i(:, :n_loads)
+      allocate (system%held(n_loads), source=0.0_wp)
+      if (any(pads%initial_pressure > 0.0_wp)) then
+         system%load_boundary = reshape([system%load_boundary, -initial_nodal_force(system)], [size(reduced%K_bb, 1), n_loads + 1])
+         loads_modal = reshape([loads_modal, spread(0.0_wp, 1, system%n_modes)], [system%n_modes, n_loads + 1])
+         system%held = [system%held, 1.0_wp]
+      end if
+      system%n_loads = size(system%held)
+      allocate (system%imposed(system%n_loads), source=.false.)
+      allocate (system%motions(0))
       system%sensor_boundary = reduced%pattern_b(:, n_loads + 1:)
       system%flexibility = reduced%K_bb
       call inverse_spd(system%flexibility, error)
@@ -113,10 +144,10 @@ contains
       system%flexibility_normal = system%flexibility(1::3, :)
       system%static_normal = matmul(system%flexibility_normal, system%load_boundary)
       system%static_normal = reshape([-work(1::3, :), system%static_normal], &
-         & [size(work, 1)/3, system%n_modes + n_loads])
+         & [size(work, 1)/3, system%n_modes + system%n_loads])
 
       ! Reduced patterns: modal part p_i - K_bi^T F p_b, boundary compliance p_b^T F p_b.
-      system%load_modal = reduced%pattern_i(:, :n_loads) - matmul(transpose(work), system%load_boundary)
+      system%load_modal = loads_modal - matmul(transpose(work), system%load_boundary)
       system%sensor_modal = reduced%pattern_i(:, n_loads + 1:) - matmul(transpose(work), system%sensor_boundary)
       system%load_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%load_boundary))
       system%sensor_load = matmul(transpose(system%load_boundary), matmul(system%flexibility, system%sensor_boundary))
@@ -142,6 +173,7 @@ contains
       !> (grid points of all pads)
       logical, intent(in) :: potential(:)
       type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: gap(:, :)
       integer :: was(size(potential))
       integer :: k, p, first, n, rows
 
@@ -176,12 +208,11 @@ contains
             rows = pad%point_offset
             self%problem%friction(rows + 1:rows + size(pad%potential)) = pad%friction
             self%problem%group(rows + 1:rows + size(pad%potential)) = k
-            do p = 1, size(pad%potential)
-               self%problem%r_0(3*(rows + p) - 2:3*(rows + p)) = [-pad%height(pad%potential(p)), 0.0_wp, 0.0_wp]
-            end do
+            gap = pad%initial_gap()
+            self%problem%r_0(3*rows + 1:3*(rows + size(pad%potential))) = reshape(gap(:, pad%potential), [3*size(pad%potential)])
          end associate
       end do
-      if (takes_fft(self%compliance, 3*n)) then
+      if (takes_fft(self%compliance, 3*n) .and. all(self%pads%half_space)) then
          call make_operator(self)
       else
          call fill_compliance(self)
@@ -190,7 +221,21 @@ contains
       n = self%n_modes + size(self%load_boundary, 2)
       call fill_columns(self, 1.0_wp, self%load_boundary, self%problem%R(:, self%n_modes + 1:n))
       call fill_columns(self, 1.0_wp, self%sensor_boundary, self%problem%outputs)
+      do k = 1, size(self%motions)
+         call fill_motion(self, self%motions(k))
+      end do
    end subroutine restrict
+
+   !> R of a motion: -psi on the points of its pad.
+   subroutine fill_motion(self, motion)
+      class(jointed_system_t), intent(inout) :: self
+      type(counter_motion_t), intent(in) :: motion
+
+      associate (pad => self%pads(motion%pad))
+         self%problem%R(3*pad%point_offset + 1:3*(pad%point_offset + size(pad%potential)), self%n_modes + motion%load) = &
+            & -reshape(motion%shape(:, pad%potential), [3*size(pad%potential)])
+      end associate
+   end subroutine fill_motion
 
    !> G as an operator.
    subroutine make_operator(self)
@@ -236,7 +281,7 @@ contains
                call add_gathered(row%coupling, row%potential, column%coupling, column%potential, self%flexibility( &
                   & row%boundary_offset + 1:row%boundary_offset + row%boundary_count(), &
                   & column%boundary_offset + 1:column%boundary_offset + column%boundary_count()), block)
-               if (j == k) call row%compliance%add_to_dense(row%potential, block)
+               if (j == k .and. row%half_space) call row%add_local_compliance(block)
                G(3*row%point_offset + 1:3*row%point_offset + size(block, 1), &
                   & 3*column%point_offset + 1:3*column%point_offset + size(block, 2)) = block
                deallocate (block)
@@ -323,6 +368,44 @@ contains
       call product_symmetric(self%flexibility, load, d_b)
    end function boundary_displacement
 
+   !> Relative displacements F_s W lambda of the node pairs of a pad under contact forces there alone, in statics. Rigid
+   !> motion that nothing holds is held by a weak spring: the forces should be in balance then.
+   subroutine static_boundary(self, k, force, boundary, error)
+      class(jointed_system_t), intent(in) :: self
+      !> Which pad
+      integer, intent(in) :: k
+      !> (3, grid points of the pad) N
+      real(wp), intent(in), contiguous :: force(:, :)
+      !> (3, pairs of the pad) m
+      real(wp), allocatable, intent(out) :: boundary(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      !> Of the largest diagonal term
+      real(wp), parameter :: weak = 1.0e-10_wp
+      real(wp) :: load(size(self%K_bi, 1)), d_b(size(self%K_bi, 1)), modal(self%n_modes), spring
+      real(wp), allocatable :: factor(:, :), nodal(:, :)
+      integer :: m, first, n
+
+      n = self%pads(k)%boundary_count()
+      first = self%pads(k)%boundary_offset
+      allocate (nodal(3, n/3))
+      call self%pads(k)%coupling%distribute(force, nodal)
+      load = 0.0_wp
+      load(first + 1:first + n) = reshape(nodal, [n])
+      call product_symmetric(self%flexibility, load, d_b)
+      factor = self%stiffness
+      spring = weak*maxval(self%stiffness)
+      do m = 1, self%n_modes
+         factor(m, m) = factor(m, m) + spring
+      end do
+      call cholesky_factor(factor, error)
+      if (allocated(error)) return
+      modal = -matmul(d_b, self%K_bi)
+      call cholesky_solve(factor, modal)
+      load = load - matmul(self%K_bi, modal)
+      call product_symmetric(self%flexibility, load, d_b)
+      boundary = reshape(d_b(first + 1:first + n), [3, n/3])
+   end subroutine static_boundary
+
    !> W lambda: the contact forces on the boundary, (boundary), N.
    pure function nodal_force(self, force) result(load)
       class(jointed_system_t), intent(in) :: self
@@ -375,12 +458,28 @@ contains
             n = pad%boundary_count()
             pad_gap = pad%displacement(spread_to_grid(pad, force), &
                & reshape(d_b(pad%boundary_offset + 1:pad%boundary_offset + n), [3, n/3]))
-            pad_gap(1, :) = pad_gap(1, :) - pad%height
+            pad_gap = pad_gap + pad%initial_gap() - moved_surface(self, k, amplitude)
             gap(:, first + 1:first + size(pad_gap, 2)) = pad_gap
             first = first + size(pad_gap, 2)
          end associate
       end do
    end function gaps_everywhere
+
+   !> psi s of all motions of a pad, (3, grid points), m.
+   pure function moved_surface(self, k, amplitude) result(moved)
+      class(jointed_system_t), intent(in) :: self
+      !> Which pad
+      integer, intent(in) :: k
+      !> (loads)
+      real(wp), intent(in) :: amplitude(:)
+      real(wp), allocatable :: moved(:, :)
+      integer :: m
+
+      allocate (moved(3, self%pads(k)%grid%point_count()), source=0.0_wp)
+      do m = 1, size(self%motions)
+         if (self%motions(m)%pad == k) moved = moved + self%motions(m)%shape*amplitude(self%motions(m)%load)
+      end do
+   end function moved_surface
 
    !> The normal part of `gaps_everywhere`, made cheap for the check of every so many time steps: what is constant
    !> in F is at hand, and only the columns of node pairs that carry a contact force are read.
@@ -395,6 +494,7 @@ contains
       !> (grid points of all pads) m
       real(wp), intent(out) :: gap(:)
       real(wp) :: load(size(self%K_bi, 1)), normal(size(self%K_bi, 1)/3)
+      real(wp), allocatable :: moved(:, :), initial(:, :)
       integer :: k, first, points, pairs
 
       normal = matmul(self%static_normal, [modal, amplitude(:size(self%load_boundary, 2))])
@@ -409,7 +509,9 @@ contains
             pairs = pad%boundary_offset/3
             call pad%normal_displacement(spread_to_grid(pad, force), &
                & normal(pairs + 1:pairs + pad%boundary_count()/3), gap(first + 1:first + points))
-            gap(first + 1:first + points) = gap(first + 1:first + points) - pad%height
+            moved = moved_surface(self, k, amplitude)
+            initial = pad%initial_gap()
+            gap(first + 1:first + points) = gap(first + 1:first + points) + initial(1, :) - moved(1, :)
             first = first + points
          end associate
       end do
@@ -469,26 +571,88 @@ contains
       end do
    end function interface_forces
 
+   !> lambda_0 on the points in potential contact, (3, points), N.
+   pure function initial_force(self) result(force)
+      class(jointed_system_t), intent(in) :: self
+      real(wp) :: force(3, self%problem%n_points)
+      real(wp), allocatable :: everywhere(:, :)
+      integer :: k
+
+      do k = 1, size(self%pads)
+         associate (pad => self%pads(k))
+            everywhere = pad%initial_force()
+            force(:, pad%point_offset + 1:pad%point_offset + size(pad%potential)) = everywhere(:, pad%potential)
+         end associate
+      end do
+   end function initial_force
+
+   !> W lambda_0 of all pads, (boundary), N.
+   pure function initial_nodal_force(system) result(load)
+      type(jointed_system_t), intent(in) :: system
+      real(wp) :: load(size(system%K_bi, 1))
+      real(wp), allocatable :: nodal(:, :)
+      integer :: k
+
+      do k = 1, size(system%pads)
+         associate (pad => system%pads(k))
+            allocate (nodal(3, pad%boundary_count()/3))
+            call pad%coupling%distribute(pad%initial_force(), nodal)
+            load(pad%boundary_offset + 1:pad%boundary_offset + pad%boundary_count()) = reshape(nodal, [pad%boundary_count()])
+            deallocate (nodal)
+         end associate
+      end do
+   end function initial_nodal_force
+
    !> Add the load f = M phi for a modal shape: it acts on the modes alone (no mass on the boundary).
    subroutine add_modal_load(self, phi)
       class(jointed_system_t), intent(inout) :: self
       !> (modes)
       real(wp), intent(in) :: phi(:)
+
+      call add_load(self, phi, .false.)
+   end subroutine add_modal_load
+
+   !> Add an imposed motion of side B of a pad as a load.
+   subroutine add_motion(self, pad, shape)
+      class(jointed_system_t), intent(inout) :: self
+      !> Which pad
+      integer, intent(in) :: pad
+      !> psi (3, grid points of the pad): displacement of side B's surface along n, t1, t2, m per unit of the amplitude
+      real(wp), intent(in) :: shape(:, :)
+      type(counter_motion_t) :: motion
+
+      call add_load(self, spread(0.0_wp, 1, self%n_modes), .true.)
+      motion%load = self%n_loads
+      motion%pad = pad
+      motion%shape = shape
+      self%motions = [self%motions, motion]
+      if (allocated(self%problem%R)) call fill_motion(self, motion)
+   end subroutine add_motion
+
+   !> A load more, with a modal part alone.
+   subroutine add_load(self, modal, imposed)
+      class(jointed_system_t), intent(inout) :: self
+      !> (modes)
+      real(wp), intent(in) :: modal(:)
+      logical, intent(in) :: imposed
       real(wp), allocatable :: wider(:, :)
       integer :: n
 
       n = self%n_loads
-      self%load_modal = reshape([self%load_modal, phi], [self%n_modes, n + 1])
+      self%load_modal = reshape([self%load_modal, modal], [self%n_modes, n + 1])
+      self%held = [self%held, 0.0_wp]
+      self%imposed = [self%imposed, imposed]
       allocate (wider(n + 1, n + 1), source=0.0_wp)
       wider(:n, :n) = self%load_load
       call move_alloc(wider, self%load_load)
       allocate (wider(n + 1, size(self%sensor_load, 2)), source=0.0_wp)
       wider(:n, :) = self%sensor_load
       call move_alloc(wider, self%sensor_load)
+      self%n_loads = n + 1
+      if (.not. allocated(self%problem%R)) return
       allocate (wider(size(self%problem%R, 1), self%n_modes + n + 1), source=0.0_wp)
       wider(:, :self%n_modes + n) = self%problem%R
       call move_alloc(wider, self%problem%R)
-      self%n_loads = n + 1
-   end subroutine add_modal_load
+   end subroutine add_load
 
 end module microslip_system_jointed_system

@@ -1,0 +1,126 @@
+!> From the scene to the system that the analyses see: reduction, potential contact set, contact matrices.
+module microslip_cli_set_up
+   use microslip_analysis_potential_set, only: choose_potential_set
+   use microslip_cli_restart, only: take_run_back
+   use microslip_cli_run, only: run_t, preload_options, write_system, damping
+   use microslip_cli_scene, only: add_motions
+   use microslip_cli_scene_report, only: expected_unknowns
+   use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
+   use microslip_fe_reduction, only: reduction_options_t, reduce
+   use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
+   use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
+   use microslip_system_coupling_error, only: coupling_error_t, estimate_coupling_error
+   use microslip_system_jointed_system, only: new_system
+   implicit none(type, external)
+   private
+
+   public :: reduce_model, build_system
+
+contains
+
+   !> The reduced model, from the cache where it fits.
+   subroutine reduce_model(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(reduction_options_t) :: options
+      character(len=16) :: digest
+      character(len=:), allocatable :: cache
+      logical :: found
+      integer :: k
+
+      options%method = trim(run%case%reduction%method)
+      if (allocated(run%case%reduction%n_modes)) options%modes = run%case%reduction%n_modes
+      if (allocated(run%case%reduction%cutoff_frequency)) options%cutoff_frequency = run%case%reduction%cutoff_frequency
+      found = .false.
+      associate (interfaces => [(run%scene%pads(k)%contact, k=1, size(run%scene%pads))])
+         if (run%case%reduction%cache /= '') then
+            cache = run%case%located(run%case%reduction%cache)
+            digest = reduction_digest(run%scene%model, interfaces, run%scene%patterns, options)
+            call read_cache(cache, digest, run%reduced, found)
+         end if
+         if (found) then
+            call run%log%line('reduction: taken from '//cache//' (digest '//digest//')')
+         else
+            call reduce(run%scene%model, interfaces, run%scene%patterns, options, run%reduced, error)
+            if (allocated(error)) return
+            if (allocated(cache)) call write_cache(cache, digest, run%reduced, error)
+            if (allocated(error)) return
+         end if
+      end associate
+      call run%clock%stop('reduction')
+      call run%log%line('reduction: '//to_text(run%scene%model%row_count())//' rows to ' &
+         & //to_text(size(run%reduced%frequency))//' modes (to '//to_text(maxval(run%reduced%frequency))//' Hz) and ' &
+         & //to_text(size(run%reduced%K_bb, 1))//' boundary coordinates; residual of the modes ' &
+         & //to_text(run%reduced%record%residual, 2))
+      call run%log%detail('tied frequencies, Hz:', run%reduced%frequency)
+   end subroutine reduce_model
+
+   !> The system on its potential contact set; that of an interrupted run is as it was.
+   subroutine build_system(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: margin(:)
+      logical, allocatable :: everything(:)
+      integer :: k
+
+      call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
+      if (allocated(error)) return
+      call report_coupling(run, error)
+      if (allocated(error)) return
+      call add_motions(run%case, run%system)
+      run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
+         & all(run%system%pads%half_space))
+      ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
+      if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
+      everything = run%case%interfaces%potential == 'all'
+      if (allocated(run%checkpoint%run)) then
+         call take_run_back(run, error)
+      else if (all(everything) .or. .not. run%case%runs('preload')) then
+         call run%system%restrict(spread(.true., 1, run%system%grid_point_count()), error)
+      else
+         allocate (margin(size(everything)), source=-1.0_wp)
+         do k = 1, size(margin)
+            if (allocated(run%case%interfaces(k)%potential_margin)) margin(k) = run%case%interfaces(k)%potential_margin
+         end do
+         call choose_potential_set(run%system, preload_options(run), everything, margin, error)
+      end if
+      if (allocated(error)) return
+      call run%clock%stop('contact matrices')
+      call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
+         & //to_text(run%system%grid_point_count())//' grid points in potential contact; compliance: ' &
+         & //why_form(allocated(run%system%problem%compliance), 3*run%system%problem%n_points))
+      if (.not. allocated(run%checkpoint%run)) call write_system(run, error)
+      call run%clock%stop('write')
+   end subroutine build_system
+
+   !> The scale-split coupling's estimate of its own error.
+   subroutine report_coupling(run, error)
+      type(run_t), intent(in) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(interface_mesh_t) :: mesh
+      type(coupling_error_t) :: estimate
+      integer :: k
+
+      do k = 1, size(run%system%pads)
+         associate (pad => run%system%pads(k))
+            if (.not. allocated(pad%filter)) cycle
+            mesh = measure_interface_mesh(run%scene%model, pad%contact)
+            call estimate_coupling_error(run%system, k, mesh%spacing, estimate, error)
+            if (allocated(error)) return
+            if (estimate%radius > 0.0_wp) then
+               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling against the half space on a disc of " &
+                  & //to_text(1.0e3_wp*estimate%radius, 3)//' mm radius: deviation '//to_text(1.0e2_wp*estimate%deviation(1), 2) &
+                  & //' % along n, '//to_text(1.0e2_wp*estimate%deviation(2), 2)//' % along t1, ' &
+                  & //to_text(1.0e2_wp*estimate%deviation(3), 2)//' % along t2')
+            else
+               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling: the pad has no room for a disc of " &
+                  & //'three FE node distances, no estimate of its error')
+            end if
+         end associate
+      end do
+   end subroutine report_coupling
+
+end module microslip_cli_set_up

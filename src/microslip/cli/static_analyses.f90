@@ -1,0 +1,110 @@
+!> Analyses without time: preload, linear modes about it, quasi-static modal analysis.
+module microslip_cli_static_analyses
+   use microslip_analysis_preload, only: preload_record_t, run_preload
+   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
+   use microslip_cli_log, only: listed
+   use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
+      & shape_of_mode
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_io_modal_results, only: write_qsma
+   implicit none(type, external)
+   private
+
+   public :: preload, linear_modes, qsma
+
+contains
+
+   !> Static equilibrium under the preload; points left out that would close join, and it is run again.
+   subroutine preload(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(preload_record_t) :: record
+      integer :: added, round
+
+      do round = 1, 20
+         call run_preload(run%system, preload_options(run), contact_options(run), run%state, record, error)
+         if (allocated(error)) return
+         call run%system%widen_where_closed(run%state%modal, run%state%contact%force, run%state%amplitude, added, error)
+         if (allocated(error)) return
+         if (added == 0) exit
+         call run%log%line('preload: '//to_text(added)//' points left out would close: taken in, run again')
+      end do
+      if (added > 0) then
+         call failure(error, 'preload: the set of points in potential contact does not settle')
+         return
+      end if
+      call run%clock%stop('preload')
+      call run%log%line('preload: interface forces'//listed(record%interface_force)//' N (deviation ' &
+         & //to_text(record%force_deviation, 2)//'), '//to_text(count(run%state%contact%status > 0))//' points closed, ' &
+         & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
+         & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
+      if (round > 1) call write_system(run, error)
+      if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
+      call run%clock%stop('write')
+   end subroutine preload
+
+   !> Linear modes about the present state.
+   subroutine linear_modes(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+
+      call find_modes(run, error)
+      if (.not. allocated(error)) call run%results%write_linear_modes(run%modes, error)
+   end subroutine linear_modes
+
+   !> Quasi-static modal analysis.
+   subroutine qsma(run, error)
+      type(run_t), intent(inout) :: run
+      type(error_t), allocatable, intent(out) :: error
+      type(qsma_options_t) :: options
+      type(qsma_record_t) :: record
+
+      options = qsma_options(run)
+      call shape_of_mode(run, 'qsma', run%case%qsma%mode, options%phi, error)
+      if (.not. allocated(error)) call settle_damping(run, error)
+      if (allocated(error)) return
+      options%frequency = run%modes%frequency(run%case%qsma%mode)
+      call run_qsma(run%system, run%state, options, contact_options(run), record, error)
+      call run%clock%stop('qsma')
+      if (allocated(error)) return
+      associate (last => size(record%combined))
+         call run%log%line('qsma: '//to_text(last)//' amplitudes, '//to_text(1.0e6_wp*record%combined(1)%amplitude, 3)//' to ' &
+            & //to_text(1.0e6_wp*record%combined(last)%amplitude, 4)//' um; frequency ' &
+            & //to_text(record%combined(1)%frequency, 6)//' to '//to_text(record%combined(last)%frequency, 6) &
+            & //' Hz; damping ratio '//to_text(record%combined(1)%damping_ratio, 3)//' to ' &
+            & //to_text(record%combined(last)%damping_ratio, 3))
+      end associate
+      call run%log%line('qsma: '//to_text(record%iterations)//' iterations ('//to_text(record%points_added) &
+         & //' points taken in), largest residual '//to_text(record%residual, 2)//', error estimate ' &
+         & //to_text(record%error_estimate, 2))
+      call write_qsma(run%results%file, record, error)
+      if (.not. allocated(error) .and. record%points_added > 0) call write_system(run, error)
+      call run%clock%stop('write')
+      if (.not. allocated(error) .and. record%unconverged > 0) call failure(error, 'qsma: '// &
+         & to_text(record%unconverged)//' load steps did not converge')
+   end subroutine qsma
+
+   !> Options of the quasi-static modal analysis, but for the mode.
+   function qsma_options(run) result(options)
+      type(run_t), intent(in) :: run
+      type(qsma_options_t) :: options
+      real(wp) :: smallest
+
+      associate (record => run%case%qsma)
+         if (allocated(record%amplitudes)) then
+            options%amplitude = record%amplitudes
+         else
+            smallest = record%largest_amplitude/merge(100, record%levels, record%spacing == 'log')
+            if (allocated(record%smallest_amplitude)) smallest = record%smallest_amplitude
+            options%amplitude = spaced_amplitudes(smallest, record%largest_amplitude, record%levels, record%spacing == 'log')
+         end if
+         options%sensors = run%case%find_sensors(record%sensor)
+         options%steps = record%steps
+         options%cycle = record%cycle
+         options%cycle_steps = record%cycle_steps
+      end associate
+   end function qsma_options
+
+end module microslip_cli_static_analyses
