@@ -6,6 +6,8 @@ import shutil
 import h5py
 import numpy as np
 
+LARGEST = 10**7  # elements of a dataset that is read to be damaged
+
 NUMBER = re.compile(r"(?<![\w.'\"])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?(?![\w.'\"])")
 #: Values that no key allows: a case with one of them in place of a number must be refused.
 NEVER = ["NaN", "Infinity", "-Infinity", "1e400", "-1e400", "abc", "1.0.0", "'text'", "0x10", "1e", "(1.0, 2.0)"]
@@ -130,8 +132,9 @@ def hdf5(source, target, rng, any_bytes):
         file.visit(names.append)
         for _ in range(rng.choice((1, 1, 2))):
             name = rng.choice(names)
-            # An earlier damage may have led the name nowhere.
-            if file.get(name) is not None:
+            # An earlier damage may have led the name nowhere, or made it larger than the memory.
+            item = file.get(name)
+            if item is not None and (getattr(item, "size", 0) or 0) < LARGEST:
                 with np.errstate(all="ignore"):
                     _damage(file, name, rng)
 
