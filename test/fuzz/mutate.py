@@ -132,11 +132,18 @@ def hdf5(source, target, rng, any_bytes):
         file.visit(names.append)
         for _ in range(rng.choice((1, 1, 2))):
             name = rng.choice(names)
-            # An earlier damage may have led the name nowhere, or made it larger than the memory.
-            item = file.get(name)
-            if item is not None and (getattr(item, "size", 0) or 0) < LARGEST:
+            if _can_be_damaged(file, name):
                 with np.errstate(all="ignore"):
                     _damage(file, name, rng)
+
+
+def _can_be_damaged(file, name):
+    """An earlier damage may have led the name nowhere, to itself, or made it larger than the memory."""
+    try:
+        item = file[name]
+    except (KeyError, RuntimeError, OSError):
+        return False
+    return (getattr(item, "size", 0) or 0) < LARGEST
 
 
 def _damage(file, name, rng):
