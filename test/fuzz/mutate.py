@@ -1,5 +1,6 @@
 """Mutations of case files, text files and HDF5 files. Every function takes a random.Random and returns the new content."""
 
+import contextlib
 import re
 import shutil
 
@@ -133,7 +134,8 @@ def hdf5(source, target, rng, any_bytes):
         for _ in range(rng.choice((1, 1, 2))):
             name = rng.choice(names)
             if _can_be_damaged(file, name):
-                with np.errstate(all="ignore"):
+                # What numpy or h5py refuse to write is left as far as it came.
+                with np.errstate(all="ignore"), contextlib.suppress(OverflowError, TypeError, ValueError, RuntimeError, OSError):
                     _damage(file, name, rng)
 
 
