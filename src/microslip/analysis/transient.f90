@@ -127,8 +127,10 @@ contains
          call hand_on(system, options, motion, samples, recorder, error)
          if (motion%step >= next_point .and. .not. allocated(error)) then
             call keep_point(system, motion, record, recorder, clock, error)
+            call clock%stop('write')
             if (.not. allocated(error)) call renew(system, contact_options, motion, solver, error)
             next_point = motion%step + options%restart_stride
+            call clock%stop('transient start')
          end if
          call clock%stop('write')
          if (allocated(error)) exit
