@@ -7,6 +7,8 @@ import shutil
 import h5py
 import numpy as np
 
+LARGEST = 10**7  # elements of a dataset that is read to be damaged
+
 NUMBER = re.compile(r"(?<![\w.'\"])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?(?![\w.'\"])")
 #: Values that no key allows: a case with one of them in place of a number must be refused.
 NEVER = ["NaN", "Infinity", "-Infinity", "1e400", "-1e400", "abc", "1.0.0", "'text'", "0x10", "1e", "(1.0, 2.0)"]
@@ -132,10 +134,20 @@ def hdf5(source, target, rng, any_bytes):
         file.visit(names.append)
         for _ in range(rng.choice((1, 1, 2))):
             name = rng.choice(names)
-            # What h5py refuses to do (a link that an earlier damage led nowhere, a type without conversion) is left.
-            unable = AttributeError, KeyError, MemoryError, OSError, RuntimeError, TypeError, ValueError
-            with contextlib.suppress(*unable), np.errstate(all="ignore"):
-                _damage(file, name, rng)
+            if _can_be_damaged(file, name):
+                # What numpy or h5py refuse to write is left as far as it came.
+                refused = AttributeError, KeyError, MemoryError, OSError, OverflowError, RuntimeError, TypeError, ValueError
+                with np.errstate(all="ignore"), contextlib.suppress(*refused):
+                    _damage(file, name, rng)
+
+
+def _can_be_damaged(file, name):
+    """An earlier damage may have led the name nowhere, to itself, or made it larger than the memory."""
+    try:
+        item = file[name]
+    except (KeyError, RuntimeError, OSError):
+        return False
+    return (getattr(item, "size", 0) or 0) < LARGEST
 
 
 def _damage(file, name, rng):
