@@ -298,6 +298,13 @@ contains
       if (allocated(error)) return
       call file%attach_scale('/grid/a', 3, '/grid/x', lib)
       call bad(error, lib, '/grid/a')
+      ! Datasets that were replaced leave the scale as useful as before, whatever lies where they were.
+      call file%delete('/grid/a', lib)
+      if (.not. allocated(lib)) call file%write('/grid/other', 'text', 'lies there now', lib)
+      if (.not. allocated(lib)) call file%write('/grid/b', a, 'Pa', 'pressure', lib)
+      if (.not. allocated(lib)) call file%attach_scale('/grid/b', 1, '/grid/x', lib)
+      if (.not. allocated(lib)) call file%attach_scale('/grid/b', 2, '/grid/y', lib)
+      if (.not. allocated(error)) call good(error, lib)
       call file%close(lib)
       call remove(scratch)
    end subroutine test_scales

@@ -49,7 +49,8 @@ def case_text(text, rng, donors):
             text = text[:m.start()] + "'" + rng.choice(TEXTS + [s.group()[1:-1] for s in strings]) + "'" + text[m.end():]
         elif kind == 6 and keys:
             m = rng.choice(keys)
-            text = text[:m.start(1)] + rng.choice((m.group(1) + "x", m.group(1)[:-1], "file", "n_modes", "name", "x_y")) + text[m.end(1):]
+            names = m.group(1) + "x", m.group(1)[:-1], "file", "n_modes", "name", "x_y"
+            text = text[:m.start(1)] + rng.choice(names) + text[m.end(1):]
         elif kind == 7 and keys:
             m = rng.choice(keys)
             text = text[:m.end(1)] + rng.choice(INDICES) + text[m.end(1):]
@@ -135,7 +136,8 @@ def hdf5(source, target, rng, any_bytes):
             name = rng.choice(names)
             if _can_be_damaged(file, name):
                 # What numpy or h5py refuse to write is left as far as it came.
-                with np.errstate(all="ignore"), contextlib.suppress(OverflowError, TypeError, ValueError, RuntimeError, OSError):
+                refused = AttributeError, KeyError, MemoryError, OSError, OverflowError, RuntimeError, TypeError, ValueError
+                with np.errstate(all="ignore"), contextlib.suppress(*refused):
                     _damage(file, name, rng)
 
 
@@ -160,8 +162,8 @@ def _damage(file, name, rng):
         data = item[...]
         flat = data.reshape(-1)
         for _ in range(rng.choice((1, 1, 3))):
-            value = rng.choice((0, -1, 1, 2, 3, len(flat), len(flat) + 1, 2**31 - 1, -2**31, float("nan"), float("inf"), 1e300, -1e300,
-                                1e-300, 1.5))
+            value = rng.choice((0, -1, 1, 2, 3, len(flat), len(flat) + 1, 2**31 - 1, -2**31, float("nan"), float("inf"),
+                                1e300, -1e300, 1e-300, 1.5))
             if flat.dtype.kind in "iu" and not (np.isfinite(value) and abs(value) < 2**31):
                 value = 7
             flat[rng.randrange(len(flat))] = value
@@ -180,7 +182,7 @@ def _damage(file, name, rng):
         data, attributes = item[...], dict(item.attrs)
         type_ = rng.choice(("f4", "f8", ">f8", "f2", "i1", "u8", ">i4", "i8", "S5", "c16", "?"))
         del file[name]
-        file[name] = np.nan_to_num(data).astype(type_)
+        file[name] = np.nan_to_num(np.asarray(data)).astype(type_)
         file[name].attrs.update(attributes)
     elif kind == 6:
         attributes = list(item.attrs)

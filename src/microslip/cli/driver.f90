@@ -39,6 +39,7 @@ contains
       do k = 1, size(line%cases)
          call run_case(line%cases(k)%text, line, command, one)
          if (.not. allocated(one)) cycle
+         if (index(one%message, line%cases(k)%text) == 0) one%message = line%cases(k)%text//': '//one%message
          if (allocated(error)) then
             error%message = error%message//new_line('a')//one%message
             error%status = max(error%status, one%status)

@@ -67,7 +67,8 @@ contains
          frequencies = record%frequencies
       else
          associate (n => record%frequency_count)
-            frequencies = [(record%frequency_from + (record%frequency_to - record%frequency_from)*k/(n - 1), k=0, n - 1)]
+            ! Both ends to the last bit, however far apart.
+            frequencies = [((record%frequency_from*(n - 1 - k) + record%frequency_to*k)/(n - 1), k=0, n - 1)]
          end associate
       end if
    end function frequencies_of

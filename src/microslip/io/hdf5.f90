@@ -9,7 +9,7 @@
 !> switched off. Not thread-safe: call from one thread only.
 module microslip_io_hdf5
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_null_char, c_null_ptr, c_associated, c_ptr
-   use h5ds, only: h5dsattach_scale_f, h5dsis_attached_f, h5dsis_scale_f, h5dsset_scale_f
+   use h5ds, only: h5dsattach_scale_f, h5dsis_scale_f, h5dsset_scale_f
    use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_space_f, &
       h5aget_type_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, h5dclose_f, h5dcreate_f, h5dget_space_f, &
       h5dget_type_f, h5dont_atexit_f, h5dopen_f, h5dread_f, h5dset_extent_f, &
@@ -1128,7 +1128,8 @@ contains
       call h5dclose_f(id, status)
    end subroutine make_scale
 
-   !> Make a dimension scale the axis of one dimension of a dataset.
+   !> Make a dimension scale the axis of one dimension of a dataset; harmless if it is already. (Asking first would follow
+   !> all references of the scale, also those to datasets that were replaced meanwhile.)
    subroutine attach_scale(self, path, dimension, scale, error)
       class(hdf5_file_t), intent(in) :: self
       !> Dataset
@@ -1140,7 +1141,6 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer(hid_t) :: id, axis
       integer :: status, rank
-      logical :: already
 
       call open_dataset(self, path, id, error)
       if (allocated(error)) return
@@ -1150,8 +1150,7 @@ contains
          status = -1
          if (dimension >= 1 .and. dimension <= rank) then
             ! The library counts dimensions as C does, from 1.
-            call h5dsis_attached_f(id, axis, rank - dimension + 1, already, status)
-            if (.not. already) call h5dsattach_scale_f(id, axis, rank - dimension + 1, status)
+            call h5dsattach_scale_f(id, axis, rank - dimension + 1, status)
          end if
          if (status < 0) call failure(error, about(self, path)//"cannot take '"//scale//"' as axis of dimension "// &
             to_text(dimension))

@@ -250,7 +250,8 @@ contains
       do k = 1, size(contacts)
          call again(self%contact(k), 'contact/'//trim(contacts(k)%name), samples)
       end do
-      if (windows > 0) then
+      ! Groups that were made behind the restart point are emptied, not made anew.
+      if (self%file%has(self%group//'/harmonics')) then
          allocate (self%windows)
          call again(self%windows%time, 'harmonics/time', windows)
          call again(self%windows%frequency, 'harmonics/frequency', windows)
@@ -259,7 +260,7 @@ contains
          call again(self%windows%amplitude, 'harmonics/amplitude', windows)
          call again(self%windows%phase, 'harmonics/phase', windows)
       end if
-      if (snapshots == 0 .or. allocated(error)) return
+      if (allocated(error) .or. .not. self%file%has(self%group//'/snapshot')) return
       call self%file%members(self%group//'/snapshot', names, error)
       if (allocated(error)) return
       ! One of them is the time.

@@ -82,13 +82,13 @@ contains
       integer, allocatable :: active(:)
       real(wp), allocatable :: theta(:)
 
-      allocate (lambda(count), vectors(mass%n, count), theta(count))
-      if (count == 0) return
       active = factor%active_rows()
       if (count > size(active)) then
          call failure(error, to_text(count)//' eigenpairs wanted, but only '//to_text(size(active))//' exist')
          return
       end if
+      allocate (lambda(count), vectors(mass%n, count), theta(count))
+      if (count == 0) return
       if (3*count + 20 > size(active)) then
          call solve_dense(mass, factor, active, theta, vectors, record, error)
       else
