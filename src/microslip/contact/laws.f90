@@ -41,7 +41,7 @@ contains
    end function state_at_rest
 
    !> Contact state that the augmented forces force - stiffness * (gap, slip) select.
-   pure integer function classify(force, gap, slip, stiffness_n, stiffness_t, friction)
+   pure integer function classify(force, gap, slip, stiffness_n, stiffness_t, friction, limit)
       !> (3) N
       real(wp), intent(in) :: force(3)
       !> Normal gap, m
@@ -52,12 +52,16 @@ contains
       real(wp), intent(in) :: stiffness_n, stiffness_t
       !> Friction coefficient
       real(wp), intent(in) :: friction
-      real(wp) :: augmented
+      !> Largest friction force, N, where it is held (Tresca); else it follows the normal force
+      real(wp), intent(in), optional :: limit
+      real(wp) :: augmented, largest
 
       augmented = force(1) - stiffness_n*gap
+      largest = friction*augmented
+      if (present(limit)) largest = limit
       if (augmented <= 0.0_wp) then
          classify = state_open
-      else if (norm2(force(2:3) - stiffness_t*slip) <= friction*augmented) then
+      else if (norm2(force(2:3) - stiffness_t*slip) <= largest) then
          classify = state_at_rest(friction)
       else
          classify = state_slip
@@ -66,7 +70,7 @@ contains
 
    !> Largest violation of the laws at one point as a force: |force - projection of the augmented force|.
    !> It is zero exactly where all laws hold.
-   pure real(wp) function law_residual(force, gap, slip, stiffness_n, stiffness_t, friction)
+   pure real(wp) function law_residual(force, gap, slip, stiffness_n, stiffness_t, friction, limit)
       !> (3) N
       real(wp), intent(in) :: force(3)
       !> Normal gap, m
@@ -77,10 +81,14 @@ contains
       real(wp), intent(in) :: stiffness_n, stiffness_t
       !> Friction coefficient
       real(wp), intent(in) :: friction
-      real(wp) :: normal, tangential(2)
+      !> Largest friction force of a closed point, N, where it is held
+      real(wp), intent(in), optional :: limit
+      real(wp) :: normal, tangential(2), largest
 
       normal = max(0.0_wp, force(1) - stiffness_n*gap)
-      tangential = project_on_disk(force(2:3) - stiffness_t*slip, friction*max(0.0_wp, force(1)))
+      largest = friction*max(0.0_wp, force(1))
+      if (present(limit)) largest = merge(limit, 0.0_wp, normal > 0.0_wp)
+      tangential = project_on_disk(force(2:3) - stiffness_t*slip, largest)
       law_residual = max(abs(force(1) - normal), norm2(force(2:3) - tangential))
    end function law_residual
 

@@ -3,8 +3,9 @@
 !> Stick predictor: with all closed points stuck (those without friction slide freely), forces and gaps follow the
 !> drivers, S = -G_AA^-1 R_A and N = R + G S, solved for once per driver, so that a stuck step is two small products.
 !> Where the laws do not hold then: semismooth Newton (Alart-Curnier) on all points, one Krylov solution of the
-!> `closed_system_t` per step. If Newton cycles, the closed set is found with all points held, or the step is approached
-!> in parts, each the start of the next; friction remembers the state before the step all the way.
+!> `closed_system_t` per step. If Newton cycles, friction limits are held and follow the normal forces in rounds; if
+!> that fails the step is approached in parts, each the start of the next. Friction remembers the state before the step all
+!> the way.
 module microslip_contact_matrix_free
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
    use microslip_contact_laws, only: classify, law_residual, state_at_rest, state_open, state_stick, state_slip
@@ -17,10 +18,14 @@ module microslip_contact_matrix_free
 
    public :: matrix_free_solver_t
 
-   !> Newton steps of an attempt, and the most parts that a step is approached in.
-   integer, parameter :: newton_steps = 60, most_parts = 8
+   !> Newton steps of an attempt, rounds of held friction limits, and the most parts that a step is approached in.
+   integer, parameter :: newton_steps = 60, most_rounds = 20, most_parts = 8
    !> Steps with an unchanged closed set after which points that were held may slip.
    integer, parameter :: settled_enough = 3
+   !> Steps after which the closed set must have settled.
+   integer, parameter :: longest_hold = 20
+   !> A friction limit that nothing reaches, N.
+   real(wp), parameter :: unlimited = 1.0e30_wp
    !> Residual over the largest force from which on it is rounding that stops Newton, not cycling, and how far below the
    !> tolerance it is followed.
    real(wp), parameter :: near = 1.0e-6_wp, sharpest = 1.0e-5_wp
@@ -61,6 +66,8 @@ module microslip_contact_matrix_free
       real(wp), allocatable, private :: gap(:, :)
       !> (3, points) what the last step had beyond the stick predictor: N and m
       real(wp), allocatable, private :: force_beyond(:, :), gap_beyond(:, :)
+      !> (points) friction limits while they are held (Tresca), N
+      real(wp), allocatable, private :: limit(:)
       integer, private :: steps_since_refresh = 0
       !> Most that tolerances may refer to in the present step, N
       real(wp), private :: largest_scale = huge(1.0_wp)
@@ -232,8 +239,13 @@ contains
                cycle
             end if
             gap = increment(problem, state, trial, p)
-            trial%status(p) = classify(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
-            violation(p) = law_residual(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
+            if (allocated(self%limit)) then
+               trial%status(p) = classify(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p), self%limit(p))
+               violation(p) = law_residual(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p), self%limit(p))
+            else
+               trial%status(p) = classify(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
+               violation(p) = law_residual(force, gap(1), gap(2:3), k(1), min(k(2), k(3)), problem%friction(p))
+            end if
          end associate
       end do
       trial%residual = maxval(violation)
@@ -289,7 +301,7 @@ contains
    !> Newton steps from the trial until the laws hold.
    !>
    !> With `hold` points stick until the closed set has settled: friction that follows forces which are far off yet leads
-   !> astray. Newton then finds the closed set by full steps, as in frictionless contact.
+   !> astray. Newton then finds the closed set by full steps, as in frictionless contact, if it does so soon.
    subroutine newton(self, problem, state, q, trial, record, hold)
       class(matrix_free_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
@@ -331,6 +343,7 @@ contains
             settled = merge(settled + 1, 0, all(trial%status == before))
             holding = settled < settled_enough
             if (.not. holding) call judge(self, problem, state, trial)
+            if (holding .and. step == longest_hold) return
          else
             call shorten(self, problem, state, old, trial)
          end if
@@ -387,14 +400,14 @@ contains
             gap = increment(problem, state, trial, p)
             w = trial%force(2:3, p) - stiffness*gap(2:3)
             limit = problem%friction(p)*max(0.0_wp, trial%force(1, p) - self%system%stiffness(1, p)*gap(1))
+            if (allocated(self%limit)) limit = self%limit(p)
             length = norm2(w)
             self%system%direction(:, p) = w/length
             ! beta = limit/length of the return to the disk: drag = (1 - beta)/(beta stiffness)
-            limit = max(limit, length/most_drag)
-            self%system%drag(p) = max(0.0_wp, length - limit)/(limit*stiffness)
+            self%system%drag(p) = max(0.0_wp, length/max(limit, length/most_drag) - 1.0_wp)/stiffness
             across = [-w(2), w(1)]/length
             trial%force(2:3, p) = across*dot_product(across, trial%force(2:3, p)) &
-               & + problem%friction(p)*trial%force(1, p)*w/length
+               & + merge(limit, problem%friction(p)*trial%force(1, p), allocated(self%limit))*w/length
          end if
       end do
    end subroutine linearise
@@ -414,8 +427,8 @@ contains
       end do
    end subroutine right_hand_side
 
-   !> Where Newton fails: from the closed set with all points held, then from the state to q in parts, each the start of the
-   !> next; twice as many until the last one converges.
+   !> Where Newton fails: held friction limits. If they do not lead there either, the step is approached in parts, each the
+   !> start of the next; twice as many until the last one converges.
    subroutine rescue(self, problem, state, q, trial, record)
       class(matrix_free_solver_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
@@ -424,7 +437,6 @@ contains
       type(trial_t), intent(inout) :: trial
       type(solve_record_t), intent(inout) :: record
       type(trial_t) :: part
-      real(wp) :: way(size(q))
       integer :: parts, k
 
       parts = 1
@@ -432,16 +444,44 @@ contains
          record%rescues = record%rescues + 1
          part%force = state%force
          do k = 1, parts
-            way = state%q + (real(k, wp)/parts)*(q - state%q)
-            part%gap = gap_of(problem, way, part%force)
-            call judge(self, problem, state, part)
-            call newton(self, problem, state, way, part, record, hold=.true.)
+            call solve_with_held_limits(self, problem, state, state%q + (real(k, wp)/parts)*(q - state%q), part, record)
          end do
          if (record%converged .or. part%residual < trial%residual) trial = part
          if (record%converged) return
          parts = 2*parts
       end do
    end subroutine rescue
+
+   !> Rounds in which no friction limit is reached first, then those are held that the normal forces of the round before
+   !> allow (Panagiotopoulos), then Newton on the laws as they are. With limits that do not follow the normal forces the
+   !> problem is that of a minimum, and Newton with shortened steps finds it.
+   subroutine solve_with_held_limits(self, problem, state, q, trial, record)
+      class(matrix_free_solver_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      real(wp), intent(in) :: q(:)
+      type(trial_t), intent(inout) :: trial
+      type(solve_record_t), intent(inout) :: record
+      real(wp) :: last
+      integer :: round
+
+      trial%gap = gap_of(problem, q, trial%force)
+      call judge(self, problem, state, trial)
+      do round = 0, most_rounds
+         last = trial%residual
+         if (last <= near*force_scale(self, trial)) exit
+         self%limit = problem%friction*max(0.0_wp, trial%force(1, :))
+         if (round == 0) self%limit = unlimited
+         self%system%friction = 0.0_wp
+         call judge(self, problem, state, trial)
+         call newton(self, problem, state, q, trial, record, hold=.false.)
+         deallocate (self%limit)
+         self%system%friction = problem%friction
+         call judge(self, problem, state, trial)
+         if (round > 1 .and. trial%residual > last) exit
+      end do
+      call newton(self, problem, state, q, trial, record, hold=.false.)
+   end subroutine solve_with_held_limits
 
    !> What a further Newton step would change at most, N: twice the preconditioned residual.
    real(wp) function error_of(self, problem, state, trial)
