@@ -32,6 +32,16 @@ build() {
   [ $built = yes ] && [ -f "$program" ] || { echo "the build failed" >&2; return 1; }
 }
 
+# Floating-point traps in the program's own code (test/sanitised/fp_traps.c): sets `traps` to what has to be preloaded,
+# empty where this machine has none. fp_traps FOLDER
+fp_traps() {
+  traps=''
+  if [ "$(uname -s -m)" = 'Linux x86_64' ] && command -v gcc >/dev/null; then
+    traps=$1/fp_traps.so
+    gcc -shared -fPIC -O1 -o "$traps" "$root/test/sanitised/fp_traps.c" -ldl -lm
+  fi
+}
+
 # run_fpm SECTION LOG: progress goes to stderr, but nothing where nothing is to be built.
 run_fpm() {
   (cd "$root" && .venv/bin/fpm "@$1" --runner echo) 2>&1 | tee "$2" |

@@ -215,8 +215,15 @@ contains
             if (allocated(error)) return
             call check(error, all(ieee_is_nan(pressure) .neqv. grid%inside), 'cells outside are not NaN')
             if (allocated(error)) return
-            call check(error, all(ieee_is_nan(ratio) .eqv. .not. pressure > 0.0_wp) .and. .not. any(ratio > 1 + rounding), &
-               & 'slip ratio beyond the friction cone or missing')
+            where (.not. grid%inside)
+               pressure = 0.0_wp
+               gap = 0.0_wp
+               t1 = 0.0_wp
+            end where
+            call check(error, all(ieee_is_nan(ratio) .eqv. .not. pressure > 0.0_wp), 'slip ratio missing, or without a pressure')
+            if (allocated(error)) return
+            where (ieee_is_nan(ratio)) ratio = 0.0_wp
+            call check(error, all(ratio <= 1 + rounding), 'slip ratio beyond the friction cone')
             if (allocated(error)) return
             ! The wanted accuracy of the contact forces, as a displacement.
             tolerance = 1.0e-8_wp*hill

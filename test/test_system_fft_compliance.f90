@@ -284,12 +284,12 @@ contains
    subroutine test_choice(error)
       type(testing_error), allocatable, intent(out) :: error
 
-      call check(error, takes_fft(compliance_fft, 3) .and. .not. takes_fft(compliance_dense, 10**6))
+      call check(error, takes_fft(compliance_fft, 3.0_wp) .and. .not. takes_fft(compliance_dense, 1.0e6_wp))
       if (allocated(error)) return
       ! A matrix of 300 rows fits everywhere, one of a million nowhere.
-      call check(error, .not. takes_fft(compliance_auto, 300) .and. takes_fft(compliance_auto, 10**6))
+      call check(error, .not. takes_fft(compliance_auto, 300.0_wp) .and. takes_fft(compliance_auto, 1.0e6_wp))
       if (allocated(error)) return
-      call check(error, dense_memory(1000) >= 8.0e6_wp)
+      call check(error, dense_memory(1000.0_wp) >= 8.0e6_wp)
       if (allocated(error)) return
       call check(error, compliance_named('auto', 'condensed', .true.) == compliance_auto &
          & .and. compliance_named('fft', 'condensed', .true.) == compliance_fft &

@@ -200,6 +200,7 @@ contains
       type(contact_cycle_t), intent(in) :: cycle
       real(wp), intent(out) :: J(:, :)
       type(error_t), allocatable, intent(out) :: error
+      type(contact_step_t), allocatable :: steps(:)
       real(wp), allocatable :: basis(:, :), weight(:, :)
       integer, allocatable :: kept(:)
       integer :: k, n
@@ -213,7 +214,9 @@ contains
       allocate (weight, mold=basis)
       weight = 0.0_wp
       weight(:, size(kept) - n + 1:) = fourier%projection
-      call self%tangent%path_derivative(cycle%steps(kept), basis, weight, J, error)
+      ! As an argument with these subscripts gfortran 12 would lose the memory of the copy.
+      steps = cycle%steps(kept)
+      call self%tangent%path_derivative(steps, basis, weight, J, error)
    end subroutine derivative
 
    !> March a further period and look at the points left out of the potential contact set. Where some would close,

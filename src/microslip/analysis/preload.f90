@@ -317,8 +317,10 @@ contains
       integer :: trial
 
       do trial = 1, max_trials
-         ! Every trial starts from the last equilibrium: friction must not remember the trials.
-         trial_solver = solver
+         ! Every trial starts from the last equilibrium: friction must not remember the trials. (By assignment gfortran 12
+         ! would lose the memory of the trial before.)
+         if (allocated(trial_solver)) deallocate (trial_solver)
+         allocate (trial_solver, source=solver)
          trial_state = now
          call trial_solver%advance(problem, amplitude, trial_state, solved)
          record%solves = record%solves + 1

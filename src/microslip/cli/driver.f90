@@ -2,6 +2,7 @@
 module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
+   use microslip_cli_demand, only: check_demand, check_grids, estimate_demand, in_words
    use microslip_cli_log, only: log_t
    use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
@@ -10,6 +11,7 @@ module microslip_cli_driver
    use microslip_cli_set_up, only: reduce_model, build_system
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: release_signals, status_of_signal
+   use microslip_core_machine_memory, only: peak_memory
    use microslip_core_version, only: program_version
    use microslip_fe_model, only: fe_model_t
    use microslip_io_case, only: case_t
@@ -88,11 +90,14 @@ contains
          if (.not. allocated(error)) call run%log%line('FE model written to '//line%write_model)
          return
       end if
-      call build_scene(run%case, run%scene, error)
+      call check_grids(run%case, error)
+      if (.not. allocated(error)) call build_scene(run%case, run%scene, error)
       if (allocated(error)) return
       call run%clock%stop('read')
-      if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene)
-      if (line%check) return
+      run%demand = estimate_demand(run%case, run%scene, run%reduced)
+      if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
+      call check_demand(run%demand, output_path(run%case, line), error)
+      if (allocated(error) .or. line%check) return
       call compute(run, line, command, error)
    end subroutine run_case
 
@@ -114,6 +119,11 @@ contains
          return
       end if
       call reduce_model(run, error)
+      ! Now the number of time steps is known.
+      if (.not. allocated(error)) then
+         run%demand = estimate_demand(run%case, run%scene, run%reduced)
+         call check_demand(run%demand, output_path(run%case, line), error)
+      end if
       if (allocated(error)) then
          call run%results%discard()
          return
@@ -141,6 +151,8 @@ contains
       call run%results%write_timing(run%clock%stage, run%clock%seconds, run%clock%count, ignored)
       call run%results%close(ignored)
       call run%log%timing(run%clock)
+      call run%log%line('memory: '//in_words(peak_memory())//' at the peak, '// &
+         & in_words(run%demand%memory_now + run%demand%memory_more)//' were estimated')
       if (.not. allocated(error) .and. allocated(ignored)) call move_alloc(ignored, error)
       if (.not. allocated(error)) then
          call run%log%line('results in '//path)

@@ -72,7 +72,7 @@ contains
       integer :: k
 
       associate (interfaces => [(run%scene%pads(k)%contact, k=1, size(run%scene%pads))])
-         call digest%add(reduction_digest(run%scene%model, interfaces, run%scene%patterns, reduction_options_t()))
+         call digest%add(reduction_digest(run%scene%model, interfaces, run%scene%patterns, reduction_options_t(method='')))
       end associate
       do k = 1, size(run%scene%pads)
          call digest%add(run%scene%pads(k)%height)

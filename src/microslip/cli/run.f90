@@ -4,6 +4,7 @@ module microslip_cli_run
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: preload_options_t
+   use microslip_cli_demand, only: demand_t
    use microslip_cli_log, only: log_t, listed
    use microslip_cli_scene, only: scene_t
    use microslip_contact_factory, only: contact_options_t
@@ -26,6 +27,8 @@ module microslip_cli_run
    type :: run_t
       type(case_t) :: case
       type(scene_t) :: scene
+      !> What it will ask of the machine
+      type(demand_t) :: demand
       type(reduced_model_t) :: reduced
       type(jointed_system_t) :: system
       type(operating_state_t) :: state

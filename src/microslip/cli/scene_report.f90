@@ -2,6 +2,8 @@
 module microslip_cli_scene_report
    use microslip_analysis_excitation, only: end_of_all
    use microslip_analysis_harmonic_meter, only: harmonic_meter_t
+   use microslip_cli_demand, only: boundary_count, demand_in_words, demand_t, expected_unknowns, factor_entries, takes_all, &
+      & uses_fft
    use microslip_cli_log, only: log_t
    use microslip_cli_motion_input, only: excitations_of, meter_of
    use microslip_cli_scene, only: scene_t
@@ -9,44 +11,40 @@ module microslip_cli_scene_report
    use microslip_core_text, only: to_text
    use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_io_case, only: case_t
-   use microslip_system_compliance_choice, only: compliance_named, takes_fft, dense_memory, why_form
+   use microslip_system_compliance_choice, only: why_form
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
    private
 
-   public :: report_scene, expected_unknowns
+   public :: report_scene
 
    !> Rates that the time estimates rest on: dense and sparse factorisation, memory traffic of one core.
    real(wp), parameter :: dense_rate = 3.0e10_wp, sparse_rate = 5.0e9_wp, memory_rate = 5.0e9_wp
-   !> Of the FFT operator: unknowns per second of a product, products of a preload, vectors that are alive at once.
-   real(wp), parameter :: fft_rate = 3.0e6_wp, fft_products = 2000.0_wp, fft_columns = 500.0_wp
-   !> Share of the grid points that is expected in potential contact where points are left out.
-   real(wp), parameter :: expected_share = 0.26_wp
+   !> Of the FFT operator: unknowns per second of a product, products of a preload.
+   real(wp), parameter :: fft_rate = 3.0e6_wp, fft_products = 2000.0_wp
 
 contains
 
    !> Print sizes, estimates and what is skipped.
-   subroutine report_scene(log, case, scene)
+   subroutine report_scene(log, case, scene, demand)
       type(log_t), intent(in) :: log
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
-      integer :: k, boundary, points
+      !> Memory and disk
+      type(demand_t), intent(in) :: demand
+      integer :: k
 
       call log%line('FE model: '//to_text(scene%model%node_count())//' nodes, '//to_text(scene%model%row_count()) &
          & //' rows, '//to_text(scene%model%stiffness%entries())//' entries in the stiffness triangle')
-      boundary = 0
-      points = 0
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
                & //to_text(size(pad%contact%faces, 2))//' faces; '//points_of(pad)//'; '//surface_of(pad)//'; friction ' &
                & //to_text(pad%friction))
             call report_mesh(log, pad, measure_interface_mesh(scene%model, pad%contact))
-            boundary = boundary + pad%boundary_count()
-            points = points + pad%grid%point_count()
          end associate
       end do
-      call report_cost(log, case, scene, boundary, expected_unknowns(case, scene))
+      call report_cost(log, case, scene, demand)
       call report_skipped(log, case, scene)
    end subroutine report_scene
 
@@ -102,56 +100,29 @@ contains
          & //'thinner (0.6 is good)')
    end subroutine report_mesh
 
-   !> Contact unknowns to be expected: three per point, of a share of the points where some are left out.
-   pure real(wp) function expected_unknowns(case, scene)
-      type(case_t), intent(in) :: case
-      type(scene_t), intent(in) :: scene
-      integer :: k
-
-      expected_unknowns = 0.0_wp
-      do k = 1, size(scene%pads)
-         expected_unknowns = expected_unknowns &
-            & + 3.0_wp*scene%pads(k)%grid%point_count()*merge(1.0_wp, expected_share, takes_all(case, scene, k))
-      end do
-   end function expected_unknowns
-
-   !> Whether all points of an interface are in potential contact.
-   pure logical function takes_all(case, scene, k)
-      type(case_t), intent(in) :: case
-      type(scene_t), intent(in) :: scene
-      integer, intent(in) :: k
-      takes_all = case%interfaces(k)%potential == 'all' .or. .not. case%runs('preload') &
-         & .or. all(scene%pads(k)%height == 0.0_wp)
-   end function takes_all
-
-   !> Memory and time, as orders of magnitude.
-   subroutine report_cost(log, case, scene, boundary, unknowns)
+   !> Sizes, memory, disk, and time as an order of magnitude.
+   subroutine report_cost(log, case, scene, demand)
       type(log_t), intent(in) :: log
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
-      integer, intent(in) :: boundary
-      real(wp), intent(in) :: unknowns
-      real(wp) :: memory, seconds, entries
-      integer :: choice
+      type(demand_t), intent(in) :: demand
+      real(wp) :: boundary, unknowns, entries, seconds
       logical :: fft
 
-      choice = compliance_named(case%contact%compliance, case%contact%solver, all(scene%pads%half_space))
-      fft = takes_fft(choice, nint(unknowns))
-      ! Fill of the sparse factor grows about as n log n on the meshes of jointed beams.
-      entries = 6.0_wp*scene%model%stiffness%entries()
-      memory = 8.0_wp*(2.0_wp*boundary**2.0_wp + 3.0_wp*entries)
-      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate + boundary**3.0_wp/dense_rate
+      boundary = boundary_count(scene)
+      unknowns = expected_unknowns(case, scene)
+      entries = factor_entries(scene)
+      fft = uses_fft(case, scene)
+      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate + boundary**3/dense_rate
       if (fft) then
-         memory = memory + 8.0_wp*(4.0_wp*boundary**2.0_wp + fft_columns*unknowns)
-         seconds = seconds + fft_products*(boundary**2.0_wp*8.0_wp/memory_rate + unknowns/fft_rate)
+         seconds = seconds + fft_products*(boundary**2*8.0_wp/memory_rate + unknowns/fft_rate)
       else
-         memory = memory + dense_memory(nint(unknowns))
          seconds = seconds + unknowns**3/(27.0_wp*dense_rate) + 8.0_wp*unknowns**2/memory_rate
       end if
-      call log%line('sizes: '//to_text(boundary)//' boundary coordinates, about '//to_text(unknowns, 3) &
-         & //' contact unknowns; estimates: memory '//to_text(memory/1.0e9_wp, 2)//' GB, set-up and preload ' &
-         & //to_text(seconds, 2)//' s')
-      call log%line('contact compliance: '//why_form(fft, nint(unknowns)))
+      call log%line('sizes: '//to_text(nint(boundary))//' boundary coordinates, about '//to_text(unknowns, 3) &
+         & //' contact unknowns; estimate: set-up and preload '//to_text(seconds, 2)//' s')
+      call log%line('estimates: '//demand_in_words(demand))
+      call log%line('contact compliance: '//why_form(fft, unknowns))
       if (case%runs('transient')) call report_transient(log, case, scene)
       if (case%runs('settling')) call log%line('settling: '//to_text(max(size(case%settling%amplitude), case%settling%impacts)) &
          & //' impacts, '//to_text(case%settling%interval)//' s from one to the next, residual state over the last ' &

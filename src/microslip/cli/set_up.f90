@@ -4,14 +4,14 @@ module microslip_cli_set_up
    use microslip_cli_restart, only: take_run_back
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
    use microslip_cli_scene, only: add_motions
-   use microslip_cli_scene_report, only: expected_unknowns
+   use microslip_cli_demand, only: uses_fft
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_fe_reduction, only: reduction_options_t, reduce
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
-   use microslip_system_compliance_choice, only: compliance_fft, compliance_named, takes_fft, why_form
+   use microslip_system_compliance_choice, only: compliance_fft, compliance_named, why_form
    use microslip_system_coupling_error, only: coupling_error_t, estimate_coupling_error
    use microslip_system_jointed_system, only: new_system
    implicit none(type, external)
@@ -74,7 +74,7 @@ contains
       run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
          & all(run%system%pads%half_space))
       ! The search for the points in potential contact is not to begin with matrices that will not do in the end.
-      if (takes_fft(run%system%compliance, nint(expected_unknowns(run%case, run%scene)))) run%system%compliance = compliance_fft
+      if (uses_fft(run%case, run%scene)) run%system%compliance = compliance_fft
       everything = run%case%interfaces%potential == 'all'
       if (allocated(run%checkpoint%run)) then
          call take_run_back(run, error)
@@ -91,7 +91,7 @@ contains
       call run%clock%stop('contact matrices')
       call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
          & //to_text(run%system%grid_point_count())//' grid points in potential contact; compliance: ' &
-         & //why_form(allocated(run%system%problem%compliance), 3*run%system%problem%n_points))
+         & //why_form(allocated(run%system%problem%compliance), 3.0_wp*run%system%problem%n_points))
       if (.not. allocated(run%checkpoint%run)) call write_system(run, error)
       call run%clock%stop('write')
    end subroutine build_system

@@ -20,6 +20,8 @@ module microslip_contact_block_newton
    real(wp), parameter :: slow = 0.3_wp
    integer, parameter :: patience = 3
    integer, parameter :: max_secants = 10
+   !> N: an iteration that is here has diverged; further on its squares overflow.
+   real(wp), parameter :: no_force = 1.0e100_wp
    !> Below this part of the largest force the residual is from forces in double precision, but for changes smaller than
    !> the second part.
    real(wp), parameter :: exact_below = 1.0e-6_wp, small_change = 1.0e-5_wp
@@ -37,7 +39,7 @@ contains
    !> Newton steps until the residual is below the limit or `max_steps` are used up.
    !>
    !> Start value: the blocks' increments. Exit: residual <= limit (converged; the trial forces of the columns are
-   !> exact), or steps = max_steps, or a singular matrix.
+   !> exact), or steps = max_steps, or a singular matrix, or divergence.
    subroutine solve_newton(blocks, kept, coupling, scale, limit, max_steps, steps, residual, force_error)
       type(contact_block_t), intent(inout) :: blocks(:)
       !> (groups)
@@ -72,7 +74,7 @@ contains
             exact = .true.
             call assess_all(blocks, new_states, .false., residual)
          end if
-         if (residual <= limit .or. steps == max_steps) exit
+         if (residual <= limit .or. steps == max_steps .or. residual > no_force) exit
          ! New factors cure what is stale in them, not what groups cause in one another: that is for the secants.
          renew = residual > slow*previous .and. steps > last_renewal + patience
          if (renew) last_renewal = steps + 2*patience

@@ -16,7 +16,7 @@ module microslip_contact_condensed
    use microslip_contact_block_newton, only: solve_newton
    use microslip_contact_coupled_blocks, only: count_columns, evaluate_others, predict_all
    use microslip_contact_kept_factor, only: kept_factor_t
-   use microslip_contact_laws, only: state_at_rest, state_open, state_slip, state_stick
+   use microslip_contact_laws, only: smallest_force, state_at_rest, state_open, state_slip, state_stick
    use microslip_contact_lookout, only: lookout_t, margin_of
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
       & count_states, gap_of, gap_of_point
@@ -351,7 +351,7 @@ contains
             force_scale = max(force_scale, self%blocks(g)%stiffness_n(a)*abs(self%blocks(g)%gap_old(a)))
          end do
       end do
-      force_scale = max(min(force_scale, runaway*expected), tiny(1.0_wp))
+      force_scale = max(min(force_scale, runaway*expected), smallest_force)
    end function force_scale
 
    !> A first guess which followed points must move: those that would leave their cones if the last step were repeated.

@@ -5,7 +5,7 @@
 !> with the normal part of `gap` the gap and its tangential part the slip of this step. On velocity level the
 !> normal part is the change of the gap, and points that were open with a positive gap carry no force.
 module microslip_contact_force_step
-   use microslip_contact_laws, only: classify, law_residual, state_open
+   use microslip_contact_laws, only: classify, law_residual, smallest_force, state_open
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, book_step
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
@@ -128,7 +128,7 @@ contains
       do p = 1, size(stiffness)
          force_scale = max(force_scale, stiffness(p)*norm2(step%c(3*p - 2:3*p)))
       end do
-      force_scale = max(min(maxval(step%force), runaway*force_scale), tiny(1.0_wp))
+      force_scale = max(min(maxval(step%force), runaway*force_scale), smallest_force)
    end function force_scale
 
    !> Contact states that forces and gaps select, (points).

@@ -11,10 +11,13 @@ module microslip_contact_laws
    private
 
    public :: state_open, state_stick, state_slip
-   public :: project_on_disk, classify, law_residual, state_at_rest
+   public :: smallest_force, project_on_disk, classify, law_residual, state_at_rest
 
    !> Contact states of a point.
    integer, parameter :: state_open = 0, state_stick = 1, state_slip = 2
+
+   !> N: stands for the largest force where there is none. What is divided by it does not overflow.
+   real(wp), parameter :: smallest_force = 1.0e-150_wp
 
 contains
 

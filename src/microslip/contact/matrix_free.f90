@@ -8,7 +8,7 @@
 !> the way.
 module microslip_contact_matrix_free
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
-   use microslip_contact_laws, only: classify, law_residual, state_at_rest, state_open, state_stick, state_slip
+   use microslip_contact_laws, only: smallest_force, classify, law_residual, state_at_rest, state_open, state_stick, state_slip
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, gap_of, &
       & book_step
    use microslip_core_error, only: error_t, failure
@@ -281,7 +281,7 @@ contains
 
       force_scale = maxval(trial%force(1, :))
       if (force_scale <= 0.0_wp) force_scale = maxval(-self%system%stiffness(1, :)*trial%gap(1, :))
-      force_scale = max(min(force_scale, self%largest_scale), tiny(1.0_wp))
+      force_scale = max(min(force_scale, self%largest_scale), smallest_force)
    end function force_scale
 
    !> What it takes to undo, at one point alone, the largest gap and slip that there would be without contact forces, N.

@@ -2,6 +2,7 @@
 !> Slow by construction; the condensed solver is measured against it.
 module microslip_contact_plain_jacobi
    use microslip_contact_force_step, only: force_step_t, begin_step, end_step, update_gap, step_residual
+   use microslip_contact_laws, only: smallest_force
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
    use microslip_contact_projected_jacobi, only: step_lengths, contraction_gap, iterate_projected_jacobi, states_of_forces
    use microslip_core_error, only: error_t, failure
@@ -62,7 +63,7 @@ contains
          & self%tolerance, self%max_iterations, step%force, record%iterations, record%error_estimate)
       record%converged = record%error_estimate <= self%tolerance
       call update_gap(problem%G, step)
-      record%residual = step_residual(step, self%eps(1::3))/max(maxval(step%force), tiny(1.0_wp))
+      record%residual = step_residual(step, self%eps(1::3))/max(maxval(step%force), smallest_force)
       call end_step(problem, q, step, states_of_forces(reshape(step%force, [3, problem%n_points]), problem%friction), &
          & state, record)
    end subroutine advance

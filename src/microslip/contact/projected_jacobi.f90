@@ -9,7 +9,7 @@
 !> 1 - gamma, gamma the smallest eigenvalue of eps^(1/2) G eps^(1/2), so error <= change / gamma. The iteration
 !> stops on that bound.
 module microslip_contact_projected_jacobi
-   use microslip_contact_laws, only: project_on_disk, state_open, state_stick, state_slip
+   use microslip_contact_laws, only: project_on_disk, smallest_force, state_open, state_stick, state_slip
    use microslip_core_kinds, only: wp
    use microslip_linalg_dense, only: product_symmetric
    implicit none(type, external)
@@ -119,7 +119,7 @@ contains
             largest = max(largest, new(1))
             force(k:k + 2) = new
          end do
-         error_bound = change/(gamma*max(largest, tiny(1.0_wp)))
+         error_bound = change/(gamma*max(largest, smallest_force))
          if (error_bound <= tolerance .or. change == 0.0_wp) exit
       end do
       iterations = min(iterations, max_iterations)

@@ -5,11 +5,13 @@
 !>
 !> SI units: d_b in m, d_i in m sqrt(kg) (unit modal mass).
 module microslip_fe_reduced_model
+   use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp, i8
+   use microslip_linalg_dense, only: eigen_symmetric
    implicit none(type, external)
    private
 
-   public :: reduced_model_t, reduction_record_t
+   public :: reduced_model_t, reduction_record_t, find_highest_frequency
 
    !> What the reduction cost.
    type :: reduction_record_t
@@ -36,5 +38,22 @@ module microslip_fe_reduced_model
       real(wp), allocatable :: pattern_i(:, :), pattern_b(:, :)
       type(reduction_record_t) :: record
    end type reduced_model_t
+
+contains
+
+   !> Highest angular frequency with all of the boundary tied: that of K_ii.
+   subroutine find_highest_frequency(reduced, omega, error)
+      type(reduced_model_t), intent(in) :: reduced
+      !> rad/s
+      real(wp), intent(out) :: omega
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: work(:, :), lambda(:)
+
+      omega = 0.0_wp
+      work = reduced%K_ii
+      allocate (lambda(size(work, 1)))
+      call eigen_symmetric(work, lambda, error, values_only=.true.)
+      if (.not. allocated(error)) omega = sqrt(maxval(lambda))
+   end subroutine find_highest_frequency
 
 end module microslip_fe_reduced_model

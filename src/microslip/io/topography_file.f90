@@ -4,7 +4,7 @@
 !> h5py and C the heights are z[i, j] at x[i], y[j]; files in which they are z[j, i] are
 !> recognised by their shape, or on a square grid by an attribute `layout` that begins with 'z[j,i]' or 'z[y,x]'.
 module microslip_io_topography_file
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: lower_case, to_text
@@ -125,7 +125,7 @@ contains
             to_text(size(stored, 1))//'), expected ('//to_text(nx)//', '//to_text(ny)//') as the axes tell')
       else if (.not. any(ieee_is_finite(z))) then
          call bad_input(error, file%path//": '"//name//"' holds no finite number")
-      else if (any(abs(z) > huge(1.0_wp))) then
+      else if (any(.not. (ieee_is_finite(z) .or. ieee_is_nan(z)))) then
          call bad_input(error, file%path//": '"//name//"' holds infinite values (unknown points must be NaN)")
       end if
    end subroutine read_heights

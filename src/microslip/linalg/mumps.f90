@@ -20,6 +20,7 @@ module microslip_linalg_mumps
    use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, i8
+   use microslip_core_machine_memory, only: available_memory
    use microslip_core_text, only: to_text
    use microslip_linalg_sparse, only: symmetric_sparse_t
    implicit none(type, external)
@@ -111,8 +112,13 @@ contains
       self%id%job = job_analyse
       call dmumps(self%id)
       if (present(schur_rows)) call prepare_schur(self%id, schur_rows, schur)
-      if (self%id%infog(1) >= 0) call factorise_with_enough_room(self%id)
+      if (self%id%infog(1) >= 0) call check_memory(self%id, error)
+      if (self%id%infog(1) >= 0 .and. .not. allocated(error)) call factorise_with_enough_room(self%id)
       nullify (self%id%jcn, self%id%a, self%id%schur)
+      if (allocated(error)) then
+         call self%release()
+         return
+      end if
 
       row = 0
       if (self%id%infog(1) >= 0 .and. self%id%infog(28) > 0) then
@@ -223,6 +229,18 @@ contains
          moved(row_at(k)) = m
       end do
    end function moved_to_the_end
+
+   !> Whether there is the memory that MUMPS estimates after its analysis.
+   subroutine check_memory(id, error)
+      type(dmumps_struc), intent(in) :: id
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: needed, free
+
+      needed = 1.0e6_wp*id%infog(17)
+      free = available_memory()
+      if (free > 0.0_wp .and. needed > free) call failure(error, 'sparse factorisation of '//to_text(id%n)// &
+         & ' rows: MUMPS estimates '//to_text(1.0e-9_wp*needed, 3)//' GB of memory, '//to_text(1.0e-9_wp*free, 3)//' GB are free')
+   end subroutine check_memory
 
    !> Numerical factorisation; repeated with more workspace where MUMPS asks for it.
    subroutine factorise_with_enough_room(id)

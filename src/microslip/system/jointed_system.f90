@@ -17,10 +17,10 @@ module microslip_system_jointed_system
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
-   use microslip_fe_reduced_model, only: reduced_model_t
+   use microslip_fe_reduced_model, only: find_highest_frequency, reduced_model_t
    use microslip_halfspace_coupling, only: add_gathered
-   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric, inverse_spd, product_of, product_symmetric
-   use microslip_system_compliance_choice, only: compliance_auto, compliance_dense, compliance_fft, takes_fft
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, inverse_spd, product_of, product_symmetric
+   use microslip_system_compliance_choice, only: compliance_auto, compliance_dense, check_memory, compliance_fft, takes_fft
    use microslip_system_fft_compliance, only: fft_compliance_t, new_fft_compliance
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
@@ -99,7 +99,7 @@ contains
       real(wp), intent(in) :: damping(:)
       type(jointed_system_t), intent(out) :: system
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: work(:, :), lambda(:), loads_modal(:, :)
+      real(wp), allocatable :: work(:, :), loads_modal(:, :)
       integer :: k
 
       system%n_modes = size(reduced%frequency)
@@ -129,11 +129,8 @@ contains
          return
       end if
 
-      work = reduced%K_ii
-      allocate (lambda(system%n_modes))
-      call eigen_symmetric(work, lambda, error, values_only=.true.)
+      call find_highest_frequency(reduced, system%omega_max, error)
       if (allocated(error)) return
-      system%omega_max = sqrt(maxval(lambda))
 
       work = reduced%K_bi
       call product_symmetric(system%flexibility, reduced%K_bi, work)
@@ -212,9 +209,11 @@ contains
             self%problem%r_0(3*rows + 1:3*(rows + size(pad%potential))) = reshape(gap(:, pad%potential), [3*size(pad%potential)])
          end associate
       end do
-      if (takes_fft(self%compliance, 3*n) .and. all(self%pads%half_space)) then
+      if (takes_fft(self%compliance, 3.0_wp*n) .and. all(self%pads%half_space)) then
          call make_operator(self)
       else
+         call check_memory(3.0_wp*n, error)
+         if (allocated(error)) return
          call fill_compliance(self)
       end if
       call fill_columns(self, -1.0_wp, self%K_bi, self%problem%R(:, :self%n_modes))
