@@ -6,9 +6,10 @@ module microslip_cli_static_analyses
    use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
       & shape_of_mode
    use microslip_core_error, only: error_t, failure
+   use microslip_core_interruption, only: hold_signals, release_signals
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_io_modal_results, only: write_qsma
+   use microslip_io_modal_results, only: qsma_results_t, write_qsma
    implicit none(type, external)
    private
 
@@ -56,17 +57,21 @@ contains
 
    !> Quasi-static modal analysis.
    subroutine qsma(run, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(error_t), allocatable, intent(out) :: error
       type(qsma_options_t) :: options
       type(qsma_record_t) :: record
+      type(qsma_results_t) :: recorder
 
       options = qsma_options(run)
       call shape_of_mode(run, 'qsma', run%case%qsma%mode, options%phi, error)
       if (.not. allocated(error)) call settle_damping(run, error)
       if (allocated(error)) return
       options%frequency = run%modes%frequency(run%case%qsma%mode)
-      call run_qsma(run%system, run%state, options, contact_options(run), record, error)
+      recorder%results => run%results
+      call hold_signals()
+      call run_qsma(run%system, run%state, options, contact_options(run), record, error, recorder)
+      call release_signals()
       call run%clock%stop('qsma')
       if (allocated(error)) return
       associate (last => size(record%combined))

@@ -1,6 +1,7 @@
 !> What the groups of a case say about each other: names that must exist, counts that must agree, groups and
 !> keys that the chosen analyses would ignore.
 module microslip_io_case_checks
+   use microslip_analysis_transient, only: most_steps
    use microslip_core_kinds, only: wp
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text, lower_case
@@ -289,10 +290,23 @@ contains
       type(group_keys_t), intent(inout) :: group
       type(case_t), intent(in) :: input
 
+      call check_steps(group, input%transient%time_step, input%transient%duration)
       if (input%transient%duration > 0.0_wp .or. .not. group%sound('duration')) return
       if (.not. any(is_measured(input%excitations%kind)) .or. any(input%excitations%kind == 'harmonic')) call group%fault( &
          'duration', 'a number > 0, unless a stepped or swept sine sets the end and no harmonic excitation goes on')
    end subroutine check_transient
+
+   !> The steps can be counted.
+   subroutine check_steps(group, time_step, duration)
+      type(group_keys_t), intent(inout) :: group
+      !> s; not allocated: found when the model is known
+      real(wp), allocatable, intent(in) :: time_step
+      real(wp), intent(in) :: duration
+
+      if (.not. allocated(time_step)) return
+      if (duration > most_steps*time_step) call group%fault('time_step', 'at most '//to_text(most_steps)// &
+         ' steps in all, a number >= '//to_text(duration/most_steps))
+   end subroutine check_steps
 
    !> The load of the impacts exists, and so do the modes.
    subroutine check_settling(group, input, loads)
@@ -302,6 +316,8 @@ contains
       integer :: load
 
       call check_mode(group, input, 'mode', 'settling', input%settling%mode, 'the period of a linear mode')
+      if (allocated(input%settling%amplitude)) call check_steps(group, input%settling%time_step, &
+         input%settling%interval*max(input%settling%impacts, size(input%settling%amplitude)))
       load = input%find_load(input%settling%load)
       if (group%sound('load') .and. load == 0) then
          call group%fault('load', known_names('load', input%settling%load, loads))
