@@ -105,7 +105,8 @@ contains
          call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), error)
          if (allocated(error)) return
       end do
-      call build_patterns(case, scene, error)
+      call check_modes(case, scene, error)
+      if (.not. allocated(error)) call build_patterns(case, scene, error)
       allocate (scene%tables(size(case%excitations)))
       do k = 1, size(case%excitations)
          if (allocated(error)) return
@@ -113,6 +114,21 @@ contains
             & scene%tables(k)%points, error)
       end do
    end subroutine build_scene
+
+   !> The model has as many modes.
+   subroutine check_modes(case, scene, error)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k, most
+
+      if (.not. allocated(case%reduction%n_modes)) return
+      most = scene%model%row_count()
+      if (case%reduction%method == 'craig_bampton_massless') &
+         & most = most - sum([(scene%pads(k)%boundary_count(), k=1, size(scene%pads))])
+      if (case%reduction%n_modes > most) call bad_input(error, case%path//': &reduction: n_modes = ' &
+         & //to_text(case%reduction%n_modes)//': allowed: an integer <= '//to_text(most)//', the model has no more modes')
+   end subroutine check_modes
 
    !> One interface: node pairs, grid, surface, half space.
    subroutine build_pad(case, record, model, pad, error)

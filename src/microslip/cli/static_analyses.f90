@@ -41,10 +41,30 @@ contains
          & //to_text(record%force_deviation, 2)//'), '//to_text(count(run%state%contact%status > 0))//' points closed, ' &
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
+      call check_pressure(run, record, error)
+      if (allocated(error)) return
       if (round > 1) call write_system(run, error)
       if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
       call run%clock%stop('write')
    end subroutine preload
+
+   !> No body carries a mean pressure beyond its Young's modulus.
+   subroutine check_pressure(run, record, error)
+      type(run_t), intent(in) :: run
+      type(preload_record_t), intent(in) :: record
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: pressure
+      integer :: k
+
+      do k = 1, size(run%system%pads)
+         if (.not. allocated(run%case%interfaces(k)%young_modulus)) cycle
+         pressure = record%interface_force(k)/sum(run%system%pads(k)%grid%area)
+         if (pressure <= minval(run%case%interfaces(k)%young_modulus)) cycle
+         call failure(error, "preload: interface '"//trim(run%case%interfaces(k)%name)//"' would carry a mean pressure of " &
+            & //to_text(pressure, 3)//" Pa, more than Young's modulus: are the loads right?")
+         return
+      end do
+   end subroutine check_pressure
 
    !> Linear modes about the present state.
    subroutine linear_modes(run, error)

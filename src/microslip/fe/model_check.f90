@@ -15,6 +15,8 @@ module microslip_fe_model_check
 
    !> m
    real(wp), parameter :: farthest = 1.0e6_wp
+   !> N/m or kg, of a diagonal entry.
+   real(wp), parameter :: largest = 1.0e30_wp
    !> Rounding of entries in text files, and of condensed ones.
    real(wp), parameter :: rounding = 1.0e-6_wp
    !> (corners) where a corner of a brick is along its three edges, Abaqus order.
@@ -83,6 +85,12 @@ contains
       root = sqrt(max(matrix%diagonal(), 0.0_wp))
       if (.not. any(root > 0.0_wp)) then
          call bad_input(error, 'the '//name//' matrix is zero')
+         return
+      end if
+      row = findloc(root <= sqrt(largest), .false., dim=1)
+      if (row > 0) then
+         call bad_input(error, 'the '//name//' matrix is not that of a structure: the diagonal entry of '//row_name(row)// &
+            & ' is '//to_text(matrix%value(matrix%row_start(row)))//', allowed are '//to_text(largest)//' at most')
          return
       end if
       do row = 1, matrix%n

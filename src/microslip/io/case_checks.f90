@@ -5,7 +5,7 @@ module microslip_io_case_checks
    use microslip_core_kinds, only: wp
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text, lower_case
-   use microslip_io_case, only: case_t, name_length
+   use microslip_io_case, only: case_t, excitation_case_t, name_length
    use microslip_io_group_keys, only: group_keys_t
    implicit none(type, external)
    private
@@ -271,6 +271,7 @@ contains
             if (any(excitation%times >= input%transient%duration)) call group%fault('times', &
                'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
          end if
+         if (excitation%kind == 'swept_sine') call check_sweep(group, excitation)
          if (.not. is_measured(excitation%kind)) return
          if (.not. allocated(input%output%sensors)) call group%fault('kind', &
             "one of 'half_sine', 'harmonic', 'file': the others measure at the sensors of &output, but there is none")
@@ -278,6 +279,27 @@ contains
             'one stepped or swept sine at most, this is the second one')
       end associate
    end subroutine check_excitation
+
+   !> A sweep leaves time for a window to measure in.
+   subroutine check_sweep(group, excitation)
+      type(group_keys_t), intent(inout) :: group
+      type(excitation_case_t), intent(in) :: excitation
+      real(wp) :: periods, of_rate
+
+      if (.not. (group%sound('rate') .and. group%sound('frequency_from') .and. group%sound('frequency_to'))) return
+      if (min(excitation%rate, excitation%frequency_from, excitation%frequency_to) <= 0.0_wp) return
+      ! Cycles times the rate, Hz/s or octaves per minute.
+      of_rate = abs(excitation%frequency_to - excitation%frequency_from)
+      if (excitation%sweep == 'log') then
+         of_rate = of_rate*60.0_wp/log(2.0_wp)
+      else
+         of_rate = of_rate*0.5_wp*(excitation%frequency_to + excitation%frequency_from)
+      end if
+      periods = of_rate/excitation%rate
+      if (periods < excitation%measure_periods) call group%fault('rate', 'a number <= '// &
+         to_text(of_rate/excitation%measure_periods)//': the sweep holds '//to_text(periods, 3)//' periods, a window '// &
+         to_text(excitation%measure_periods))
+   end subroutine check_sweep
 
    !> Whether harmonics are measured under an excitation.
    elemental logical function is_measured(kind)
