@@ -30,13 +30,18 @@ def small_case(shipped):
     ]:
         assert old in text, old
         text = text.replace(old, new)
-    text = re.sub(r"analyses = .*", "analyses = 'preload', 'linear_modes', 'transient', 'ringdown', 'settling', 'qsma'", text)
+    text = re.sub(r"analyses = .*", "analyses = 'preload', 'linear_modes', 'transient', 'ringdown', 'settling', 'qsma', "
+                  "'epmc', 'harmonic_balance'", text)
     return text[: text.index("&transient")] + """
 &transient duration = 2.0 /
 &excitation load = 'impact', kind = 'half_sine', amplitude = 4000.0, duration = 0.5e-3 /
 &ringdown mode = 1 /
 &settling load = 'impact', amplitude = 3000.0, 2000.0, duration = 0.5e-3, interval = 0.6, periods = 3 /
 &qsma largest_amplitude = 1.0e-4, levels = 5 /
+&epmc amplitude_range = 1.0e-7, 1.0e-5, points = 6, harmonics = 1, samples = 8 /
+&harmonic_balance
+  load = 'impact', levels = 0.1, 0.5, frequency_range = 100.0, 120.0, harmonics = 1, samples = 8, frequency_step = 5.0
+/
 &output
   sensors = 'sensor', sensor_direction = 0, 0, 1, snapshots = 0.05, 0.2
   checkpoint_interval = 0.02, checkpoint_steps = 1500
@@ -113,6 +118,17 @@ class Campaign:
                 continue
             length = len(found[f"{name}/time"])
             for part in ("time", "sensor", "modal_displacement", "energy/elastic", "contact/residual"):
+                value, whole = found[f"{name}/{part}"], self.whole[f"{name}/{part}"]
+                if len(value) != length or not same(value, whole[:length]):
+                    faults.append(f"{name}/{part} is no beginning of the whole")
+        # Curves and levels come in their order; a level's record of its analysis is there in the end only.
+        for name in ("qsma", "qsma/positive", "qsma/negative", "epmc", "harmonic_balance"):
+            if f"{name}/amplitude" not in found:
+                continue
+            length = len(found[f"{name}/amplitude"])
+            for part in ("amplitude", "frequency", "damping_ratio", "harmonics", "load", "friction_loss"):
+                if f"{name}/{part}" not in self.whole or f"{name}/{part}" not in found:
+                    continue
                 value, whole = found[f"{name}/{part}"], self.whole[f"{name}/{part}"]
                 if len(value) != length or not same(value, whole[:length]):
                     faults.append(f"{name}/{part} is no beginning of the whole")
@@ -196,7 +212,10 @@ class Campaign:
             faults = [] if process.returncode == 1 else [f"status {process.returncode}"]
             faults += [] if "cannot" in message else [f"message '{message.strip()}'"]
             faults += self.check_beginning(path) if os.path.exists(path) else ["nothing was published"]
+            faults += ["the working file is left"] if os.path.exists(path + ".part") else []
             self.verdict("full disk", faults)
+            subprocess.run(["mount", "-o", f"remount,size={4*whole}", disk], check=True)
+            self.verdict("room on the disk that was full", self.go_on(path, []))
             subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
             start = time.monotonic()
             process = self.start("--output", os.path.join(disk, "other.h5"))

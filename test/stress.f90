@@ -14,7 +14,7 @@ program stress
    use microslip_io_fclib, only: read_fclib
    use support_contact_verdict, only: all_solvers, judge_solver, verdict_t
    use support_stress_dynamics, only: judge_motion, motion_scene_t, motion_scenes
-   use support_stress_scenes, only: contact_scene, random_scene, stress_scene_t, stress_scenes
+   use support_stress_scenes, only: contact_scene, in_units, random_scene, stress_scene_t, stress_scenes
    implicit none(type, external)
 
    !> Of the solvers, and what they may use.
@@ -24,6 +24,10 @@ program stress
    real(wp), parameter :: allowed = 1.0e3_wp*tolerance
    !> Random problems of each kind, their points, and the rank of the hyperstatic ones.
    integer, parameter :: seeds = 20, points = 8, low_rank = 10
+   !> Scenes and solvers for other units of length, these per metre, and what their forces may differ by.
+   character(len=*), parameter :: in_other_units(2) = [character(len=19) :: 'friction 1', 'different materials'], &
+      & direct(2) = [character(len=9) :: 'condensed', 'newton'], unit(2) = ['mm', 'um']
+   real(wp), parameter :: per_metre(2) = [1.0e3_wp, 1.0e6_wp], sharp = 1.0e-12_wp, same_forces = 1.0e-12_wp
    !> Longer motions are for the fast solver alone.
    integer, parameter :: most_steps = 100000
    type(stress_scene_t), allocatable :: scenes(:)
@@ -53,6 +57,7 @@ program stress
    wrong = 0
    do k = 1, size(scenes)
       if (index(scenes(k)%name, trim(wanted)) > 0) call run(scenes(k))
+      if (any(scenes(k)%name == in_other_units)) call run_in_units(scenes(k))
    end do
    motions = motion_scenes(short=.false.)
    do k = 1, size(motions)
@@ -73,6 +78,29 @@ contains
          call report(scene%name, s, verdict)
       end do
    end subroutine run
+
+   !> The same forces whatever the unit of length: their difference stands in place of the violation.
+   subroutine run_in_units(scene)
+      type(stress_scene_t), intent(in) :: scene
+      type(stress_scene_t) :: same
+      type(verdict_t) :: metre, verdict
+      character(len=:), allocatable :: name
+      integer :: s, u
+
+      do u = 1, size(unit)
+         name = scene%name//' in '//unit(u)
+         if (index(name, trim(wanted)) == 0) cycle
+         same = in_units(scene, per_metre(u))
+         do s = 1, size(all_solvers)
+            if (.not. any(all_solvers(s) == direct)) cycle
+            call judge_solver(scene%problem, scene%path, trim(all_solvers(s)), sharp, max_iterations, allowed, metre)
+            call judge_solver(same%problem, same%path, trim(all_solvers(s)), sharp, max_iterations, allowed, verdict)
+            verdict%residual = maxval(abs(verdict%force - metre%force))/maxval(metre%force)
+            if (verdict%residual > same_forces) verdict%word = 'WRONG'
+            call report(name, s, verdict)
+         end do
+      end do
+   end subroutine run_in_units
 
    !> One time integration by all solvers; the long one by the fast solver alone.
    subroutine run_motion(motion)

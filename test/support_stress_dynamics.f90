@@ -63,7 +63,7 @@ contains
       scenes(5)%interface_force = 0.0_wp
       scenes(5)%apart = 2.0e-6_wp
       scenes(5:6)%amplitude = 6.4e5_wp
-      scenes(6)%name = 'thrown together, step 1e-2'
+      scenes(6)%name = 'thrown together at step 1e-2'
       scenes(6)%interface_force = 0.0_wp
       scenes(6)%apart = 2.0e-6_wp
       scenes(6)%step_ratio = 1.0e-2_wp

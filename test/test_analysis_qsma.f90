@@ -5,11 +5,11 @@ module test_analysis_qsma
    use microslip_analysis_linear_modes, only: linear_modes_t, solve_linear_modes
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
-   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
+   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, qsma_recorder_t, run_qsma, spaced_amplitudes
    use microslip_analysis_ringdown, only: decay_t, identify_ringdown, ringdown_options_t, ringdown_t
    use microslip_analysis_transient, only: run_transient, transient_options_t, transient_record_t
    use microslip_contact_factory, only: contact_options_t
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp, pi
    use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
@@ -37,6 +37,15 @@ module test_analysis_qsma
    !> What the joint's modes tilt the pads more where normal forces are to vary.
    real(wp), parameter :: tilt = 10.0_wp
 
+   !> Hears of the levels, and stops the analysis at one.
+   type, extends(qsma_recorder_t) :: stopper_t
+      integer :: last = 0
+      !> (levels so far) of both directions together, m
+      real(wp), allocatable :: amplitude(:)
+   contains
+      procedure :: level => stop_at_last
+   end type stopper_t
+
 contains
 
    subroutine collect_analysis_qsma(testsuite)
@@ -51,6 +60,7 @@ contains
          & new_unittest('all contact solvers and forms of the compliance agree', test_solvers), &
          & new_unittest('points left out that close join', test_left_out), &
          & new_unittest('frequency and damping of a ring-down', test_ringdown), &
+         & new_unittest('every level is told when it is finished', test_levels), &
          & new_unittest('a sensor that does not see the mode is refused', test_blind_sensor)]
    end subroutine collect_analysis_qsma
 
@@ -115,7 +125,7 @@ contains
    end function by
 
    !> QSMA of a mode between two amplitudes.
-   subroutine analyse(system, state, mode, amplitude, record, lib, steps, loops, solver)
+   subroutine analyse(system, state, mode, amplitude, record, lib, steps, loops, solver, recorder)
       type(jointed_system_t), intent(inout) :: system
       type(operating_state_t), intent(inout) :: state
       integer, intent(in) :: mode
@@ -124,6 +134,7 @@ contains
       type(error_t), allocatable, intent(out) :: lib
       integer, intent(in), optional :: steps, loops
       character(len=*), intent(in), optional :: solver
+      class(qsma_recorder_t), intent(inout), optional :: recorder
       type(linear_modes_t) :: modes
       type(qsma_options_t) :: options
       type(contact_options_t) :: contact
@@ -139,7 +150,7 @@ contains
       if (present(loops)) options%cycle_steps = loops
       contact = by(system)
       if (present(solver)) contact%solver = solver
-      call run_qsma(system, state, options, contact, record, lib)
+      call run_qsma(system, state, options, contact, record, lib, recorder)
    end subroutine analyse
 
    pure real(wp) function largest(values)
@@ -366,6 +377,45 @@ contains
          & to_text(largest(found%frequency(k:1:-1)/record%combined%frequency - 1.0_wp))//' '// &
          & to_text(largest(found%damping_ratio(k:1:-1)/record%combined%friction_damping_ratio - 1.0_wp)))
    end subroutine test_ringdown
+
+   subroutine stop_at_last(self, record, levels, error)
+      class(stopper_t), intent(inout) :: self
+      type(qsma_record_t), intent(in) :: record
+      integer, intent(in) :: levels
+      type(error_t), allocatable, intent(out) :: error
+
+      self%amplitude = record%combined(:levels)%amplitude
+      if (levels == self%last) call failure(error, 'that will do')
+   end subroutine stop_at_last
+
+   !> What is told of the first levels are the bits of the whole analysis.
+   subroutine test_levels(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(qsma_record_t) :: whole, part
+      type(stopper_t) :: stopper
+      real(wp), parameter :: amplitude(3) = [small, 10.0_wp*small, large]
+
+      call make_preloaded(slippery, .true., system, state, lib)
+      if (.not. allocated(lib)) call analyse(system, state, 1, amplitude, whole, lib, loops=2)
+      call good(error, lib)
+      if (allocated(error)) return
+      stopper%last = 2
+      call analyse(system, state, 1, amplitude, part, lib, loops=2, recorder=stopper)
+      call check(error, allocated(lib), 'the analysis goes on')
+      if (allocated(error)) return
+      call check(error, lib%message, 'that will do')
+      if (allocated(error)) return
+      call check(error, size(stopper%amplitude), 2)
+      if (allocated(error)) return
+      call check(error, all(stopper%amplitude == whole%combined(:2)%amplitude) .and. &
+         & all(part%loop(:2)%dissipated_energy == whole%loop(:2)%dissipated_energy) .and. &
+         & all(part%direction(:2, :)%frequency == whole%direction(:2, :)%frequency), 'other bits')
+      if (allocated(error)) return
+      call check(error, part%iterations > 0, 'nothing is booked')
+   end subroutine test_levels
 
    subroutine test_blind_sensor(error)
       type(testing_error), allocatable, intent(out) :: error

@@ -433,6 +433,11 @@ contains
       if (allocated(error)) return
       call check(error, size(history%samples) == 0, 'samples of a run that was refused')
       if (allocated(error)) return
+      call integrate(system, state, 0.5_wp*limit, huge(1), [impact(light)], by('condensed'), history, record, lib)
+      call check(error, allocated(lib), 'more steps than can be counted were begun')
+      if (allocated(error)) return
+      call check(error, index(lib%message, 'time steps of') > 0, lib%message)
+      if (allocated(error)) return
       call integrate(system, state, 0.999_wp*limit, 2000, [impact(light)], by('condensed'), history, record, lib)
       call good(error, lib)
       if (allocated(error)) return

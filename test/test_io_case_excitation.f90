@@ -129,6 +129,7 @@ contains
          & "rate = 1: allowed: only with kind = 'swept_sine'")
       call refused(error, excited(swept//'frequency_to = 200', '&transient /'), &
          & 'frequency_to = 200: allowed: another number than frequency_from')
+      call refused(error, excited(swept//'frequency_to = 200.001', '&transient /'), 'rate = 1: allowed: a number <= 0.02')
       call refused(error, excited(swept//"frequency_to = 210, sweep = 'cubic'", '&transient /'), &
          & "sweep = 'cubic': allowed: 'linear', 'log'")
       call refused(error, excited(swept//'frequency_to = 210, settle_periods = 5', '&transient /'), &

@@ -109,6 +109,10 @@ contains
       call one_fault(error, "n_modes = 30", "n_modes = 30.5", "&reduction: n_modes = 30.5: allowed: an integer >= 1")
       call one_fault(error, "n_modes = 30", "n_modes = 99999999999", "n_modes = 99999999999: allowed: an integer >= 1")
       call one_fault(error, "n_modes = 30", "n_modes = 0", "&reduction: n_modes = 0: allowed: an integer >= 1")
+      call one_fault(error, "duration = 0.1", "duration = 0.1, time_step = 1e-11", &
+         "&transient: time_step = 1e-11: allowed: at most 1.00000E+09 steps in all, a number >= 1.00000E-10")
+      call one_fault(error, "&reduction", "&contact tolerance = 1e-16 /"//nl//"&reduction", &
+         "&contact: tolerance = 1e-16: allowed: a finite number >= 1.00000E-15 and < 1")
       call one_fault(error, "nx = 80", "nx = 10001", "nx = 10001: allowed: an integer >= 1 and <= 10000")
    end subroutine test_numbers
 

@@ -3,7 +3,9 @@ module test_io_model_file
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t
+   use microslip_fe_model_check, only: check_model
    use microslip_io_calculix, only: read_model_calculix
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_model_file, only: read_model_hdf5, write_model_hdf5
@@ -25,7 +27,9 @@ contains
          new_unittest('a model with a general mass comes back exactly', test_general), &
          new_unittest('a model with a mass per node comes back exactly', test_nodal), &
          new_unittest('partly supported nodes', test_supported), &
-         new_unittest('damaged contents are named', test_damaged)]
+         new_unittest('damaged contents are named', test_damaged), &
+         new_unittest('what no structure has is refused', test_no_structure), &
+         new_unittest('other units are refused', test_units)]
    end subroutine collect_io_model_file
 
    !> The two bricks of CalculiX.
@@ -189,7 +193,7 @@ contains
          type(error_t), allocatable :: lib
          call write_model_hdf5(scratch, model, lib)
          call file%open(scratch, lib, writable=.true.)
-         call file%write(path, value, '1', 'damaged', lib)
+         call file%write(path, value, 'N/m', 'damaged', lib)
          call file%close(lib)
          call expect('stiffness')
       end subroutine damage_reals
@@ -221,6 +225,68 @@ contains
       end subroutine expect
 
    end subroutine test_damaged
+
+   !> Nodes far away, elements inside out, entries that no positive matrix has.
+   subroutine test_no_structure(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(fe_model_t) :: model
+      type(error_t), allocatable :: lib
+
+      call bricks(model, .true.)
+      call check_model(model, lib)
+      call check(error, .not. allocated(lib), 'the bricks are refused')
+      if (allocated(error)) return
+      model%coordinates(2, 5) = 1.0e300_wp
+      call expect_fault('node '//to_text(model%node_label(5))//' is at 1.0')
+      call bricks(model, .true.)
+      model%elements(1)%connectivity(:, 2) = model%elements(1)%connectivity([5, 6, 7, 8, 1, 2, 3, 4], 2)
+      call expect_fault('element 2 of type C3D8I')
+      call bricks(model, .true.)
+      model%elements(1)%connectivity(5:8, 1) = model%elements(1)%connectivity(1:4, 1)
+      call expect_fault('element 1 of type C3D8I')
+      call bricks(model, .true.)
+      model%stiffness%value(2) = 1.01_wp*product(sqrt(model%stiffness%value(model%stiffness%row_start([1, 2]))))
+      call expect_fault('the stiffness matrix')
+      call bricks(model, .true.)
+      model%mass%value = 0.0_wp
+      call expect_fault('the mass matrix is zero')
+
+   contains
+
+      subroutine expect_fault(needle)
+         character(len=*), intent(in) :: needle
+         if (allocated(error)) return
+         call check_model(model, lib)
+         call check(error, allocated(lib), 'no error reported, expected one about '//needle)
+         if (allocated(error)) return
+         call check(error, index(lib%message, needle) > 0, needle//' is not named in: '//lib%message)
+      end subroutine expect_fault
+
+   end subroutine test_no_structure
+
+   !> Model files are in SI units.
+   subroutine test_units(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(fe_model_t) :: model, back
+      type(hdf5_file_t) :: file
+      type(error_t), allocatable :: lib
+      character(len=*), parameter :: path(3) = [character(len=16) :: '/coordinates', '/stiffness/value', '/mass/value']
+      integer :: k
+
+      call bricks(model, .false.)
+      do k = 1, size(path)
+         call write_model_hdf5(scratch, model, lib)
+         call file%open(scratch, lib, writable=.true.)
+         call file%set_attribute(trim(path(k)), 'units', 'mm', lib)
+         call file%close(lib)
+         call read_model_hdf5(scratch, back, lib)
+         call check(error, allocated(lib), trim(path(k))//' in mm is taken')
+         if (allocated(error)) return
+         call check(error, index(lib%message, "'"//trim(path(k)(2:))//"' is in 'mm'") > 0, lib%message)
+         if (allocated(error)) return
+      end do
+      call remove()
+   end subroutine test_units
 
    subroutine remove()
       integer :: unit

@@ -127,6 +127,8 @@ contains
       call expect_problem(error, 'list(99999999) = 1', 'too many values')
       call expect_problem(error, 'list(2) = 1 list = 3*1', 'given twice (lines 1 and 1)')
       call expect_problem(error, 'table(2) = 1', 'takes two subscripts', 3)
+      call expect_problem(error, 'list(1:3) = 1, 2', 'fewer values than the subscript names')
+      call expect_problem(error, 'table(1:2,3) = 1', 'fewer values than the subscript names', 3)
       call expect_problem(error, 'table(2,1) = 1, 2', 'more values than elements', 3)
       call expect_problem(error, 'table(4,1) = 1', 'the first subscript goes from 1 to 3', 3)
       call expect_problem(error, 'table(1,99999999) = 1', 'too many values', 3)

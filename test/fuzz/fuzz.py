@@ -15,6 +15,7 @@ import random
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,14 +28,17 @@ import mutate
 import seeds
 
 HERE = pathlib.Path(__file__).resolve().parent
-CASES = ("dynamics", "sines", "periodic", "calculix", "gmsh")
+#: Case whose interrupted results are damaged.
+RESTARTED = "dynamics"
+CASES = ("dynamics", "sines", "periodic", "calculix", "gmsh", "nodes", "pressed", "split", "response")
 #: What only a program that fell over writes.
 CRASH = re.compile(r"Fortran runtime|Backtrace for|Error termination|SIG[A-Z]{3,}|HDF5-DIAG|Operating system error|STOP |"
                    r"terminate called|corrupted|free\(\)|malloc|Killed")
 NOT_A_NUMBER = re.compile(r"\b[-+]?(nan|inf|infinity)\b|\*{4,}", re.I)
 MEMORY = 4 * 2**30
-#: s: for a batch to start, for a case that is read, for one that is run.
+#: s of processor time: for a batch to start, for a case that is read, for one that is run. How much longer it may take by the clock.
 START, CHECK, RUN = 20.0, 1.0, 60.0
+WAITING = 60.0
 
 
 def main():
@@ -43,6 +47,7 @@ def main():
     parser.add_argument("--count", type=int, default=1000, help="damaged inputs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=0, help="how many of the accepted ones are run as well")
+    parser.add_argument("--restarts", type=int, default=0, help="how many damaged results of an interrupted run are gone on with")
     parser.add_argument("--batch", type=int, default=100, help="inputs per process")
     parser.add_argument("--keep", type=pathlib.Path, help="folder for the inputs that show a fault")
     parser.add_argument("--hdf5-bytes", action="store_true", help="damage any byte of HDF5 files (README.md)")
@@ -75,11 +80,14 @@ class Campaign:
             numbers = range(first, min(first + self.options.batch, self.options.count))
             expected = {}
             paths = [self.make(number, expected) for number in numbers]
+            self.count["claimed"] += len(expected)
             self.judge(paths, expected)
             self.clean()
+        self.restart()
         seconds = time.time() - started
         print(f"{self.options.count} inputs in {seconds:.0f} s: {self.count['accepted']} accepted, "
-              f"{self.count['refused']} refused, {self.count['run']} run, {sum(self.faults.values())} faults of {len(self.faults)} kinds")
+              f"{self.count['refused']} refused ({self.count['claimed']} had to be), {self.count['run']} run, "
+              f"{self.count['restarts']} gone on with ({self.count['restarts refused']} refused), {sum(self.faults.values())} faults of {len(self.faults)} kinds")
         for signature, times in self.faults.most_common():
             print(f"{times:6d}  {signature}")
         return 1 if self.faults else 0
@@ -102,23 +110,27 @@ class Campaign:
             if old == "blocks":
                 damaged = rng.choice(("sti", "mas", "dof"))
                 for suffix in ("sti", "mas", "dof"):
-                    self.damage(f"{old}.{suffix}", f"{new}.{suffix}", rng if suffix == damaged else None)
-            else:
-                self.damage(old, new, rng)
+                    if self.damage(f"{old}.{suffix}", f"{new}.{suffix}", rng if suffix == damaged else None):
+                        expected[stem] = "refuse"
+            elif self.damage(old, new, rng):
+                expected[stem] = "refuse"
             text = text.replace(f"'{old}'", f"'{new}'")
         path = self.folder / f"{stem}.nml"
         path.write_bytes(text.encode("utf-8", "replace"))
         return path
 
     def damage(self, old, new, rng):
-        """A damaged copy of a file of the seeds; a plain one without `rng`."""
+        """A damaged copy of a file of the seeds; a plain one without `rng`. Tells whether it must be refused."""
         old, new = self.folder / old, self.folder / new
         if rng is None:
             shutil.copyfile(old, new)
-        elif old.suffix == ".h5":
-            mutate.hdf5(old, new, rng, self.options.hdf5_bytes)
-        else:
-            new.write_text(mutate.data_text(old.read_text(), rng), encoding="utf-8", errors="replace")
+            return False
+        if old.suffix == ".h5":
+            return mutate.hdf5(old, new, rng, self.options.hdf5_bytes)
+        text, must_fail = mutate.data_text(old.read_text(), rng)
+        new.write_text(text, encoding="utf-8", errors="replace")
+        # Meshes hold names too.
+        return must_fail and old.suffix in (".txt", ".sti", ".mas")
 
     def judge(self, paths, expected, check=True):
         """Run a batch; halve it if something is wrong."""
@@ -148,9 +160,11 @@ class Campaign:
         command = [self.program, "--threads", "1", *(["--check"] if check else [])]
         command += [path.relative_to(self.folder) for path in paths]
         try:
-            done = subprocess.run(command, cwd=self.folder, capture_output=True, timeout=limit, stdin=subprocess.DEVNULL,
-                                  preexec_fn=limit_memory)
+            done = subprocess.run(command, cwd=self.folder, capture_output=True, timeout=WAITING * limit, stdin=subprocess.DEVNULL,
+                                  preexec_fn=lambda: limit_process(limit))
         except subprocess.TimeoutExpired:
+            return f"waits for something for {WAITING * limit:.0f} s", []
+        if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
             return f"no end within {limit:.0f} s", []
         output, errors = done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
         if done.returncode not in (0, 1, 2) or CRASH.search(errors):
@@ -175,15 +189,40 @@ class Campaign:
             return f"not a number in the report: {NOT_A_NUMBER.search(output).group()}", []
         return None, accepted
 
+    def restart(self):
+        """Damage the result of an interrupted run and go on with it."""
+        case, left = self.folder / f"{RESTARTED}.nml", self.folder / "left.h5"
+        if self.options.restarts == 0:
+            return
+        command = [self.program, "--threads", "1", "--quiet", "--output"]
+        subprocess.run([*command, "whole.h5", case.name], cwd=self.folder, check=True)
+        # A limit on the size of files ends it on the way.
+        limit = 2 * (self.folder / "whole.h5").stat().st_size // 3
+        subprocess.run([*command, left.name, case.name], cwd=self.folder, check=False, stderr=subprocess.DEVNULL,
+                       preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+        for number in range(self.options.restarts):
+            damaged = self.folder / "damaged.h5"
+            mutate.hdf5(left, damaged, random.Random(f"{self.options.seed}/restart/{number}"), False)
+            done = subprocess.run([*command, damaged.name, "--restart", case.name], cwd=self.folder, capture_output=True,
+                                  preexec_fn=lambda: limit_process(RUN), check=False)
+            errors = done.stderr.decode(errors="replace")
+            self.count["restarts"] += 1
+            self.count["restarts refused"] += done.returncode == 2
+            if done.returncode not in (0, 1, 2) or CRASH.search(errors) or bool(done.returncode) != bool(errors):
+                fault = f"restart: status {done.returncode}: {errors[:200]}"
+                self.faults[fault] += 1
+                print(f"restart {number}: {fault}", flush=True)
+
     def clean(self):
         """Remove the inputs of a batch."""
         for path in self.folder.glob("c[0-9]*"):
             path.unlink()
 
 
-def limit_memory():
-    """No more than `MEMORY` for the process."""
+def limit_process(seconds):
+    """No more than `MEMORY` for the process, and so many seconds of processor time."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
 
 
 def not_finite(path):

@@ -24,7 +24,7 @@ module microslip_analysis_qsma
    implicit none(type, external)
    private
 
-   public :: qsma_options_t, qsma_record_t, modal_parameters_t, run_qsma, spaced_amplitudes
+   public :: qsma_options_t, qsma_record_t, qsma_recorder_t, modal_parameters_t, run_qsma, spaced_amplitudes
 
    !> The trial step that tells load per amplitude, as a part of the smallest amplitude.
    real(wp), parameter :: trial_share = 1.0e-3_wp
@@ -78,6 +78,26 @@ module microslip_analysis_qsma
       real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
    end type qsma_record_t
 
+   !> Who hears of every level that is finished. An error of it ends the analysis; it may want just that.
+   type, abstract :: qsma_recorder_t
+   contains
+      procedure(level_interface), deferred :: level
+   end type qsma_recorder_t
+
+   abstract interface
+      !> Take the levels so far.
+      subroutine level_interface(self, record, levels, error)
+         import :: qsma_recorder_t, qsma_record_t, error_t
+         implicit none(type, external)
+         class(qsma_recorder_t), intent(inout) :: self
+         !> Up to this level
+         type(qsma_record_t), intent(in) :: record
+         !> How many of them are finished
+         integer, intent(in) :: levels
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine level_interface
+   end interface
+
 contains
 
    !> Amplitudes up to a largest one, at equal distances or equal ratios.
@@ -97,7 +117,7 @@ contains
    end function spaced_amplitudes
 
    !> Modal parameters over amplitude.
-   subroutine run_qsma(system, state, options, contact, record, error)
+   subroutine run_qsma(system, state, options, contact, record, error, recorder)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout) :: system
       !> The preloaded structure; it is carried over to a set that has grown
@@ -106,13 +126,15 @@ contains
       type(contact_options_t), intent(in) :: contact
       type(qsma_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
+      !> Where points join the potential contact set, it hears of the levels again from the first one
+      class(qsma_recorder_t), intent(inout), optional :: recorder
       logical, allocatable :: before(:)
       integer :: round, added, total
 
       total = 0
       do round = 1, most_rounds
          before = potential_points(system)
-         call follow_curves(system, state, options, contact, record, added, error)
+         call follow_curves(system, state, options, contact, record, added, error, recorder)
          if (allocated(error)) return
          if (added == 0) exit
          call carry_over(system, before, state%contact)
@@ -123,7 +145,7 @@ contains
    end subroutine run_qsma
 
    !> Both loading curves and the loops, up to where a point that was left out would close.
-   subroutine follow_curves(system, state, options, contact, record, added, error)
+   subroutine follow_curves(system, state, options, contact, record, added, error, recorder)
       type(jointed_system_t), intent(inout) :: system
       type(operating_state_t), intent(in) :: state
       type(qsma_options_t), intent(in) :: options
@@ -132,8 +154,9 @@ contains
       !> Points that joined the potential contact set: all is to be done again
       integer, intent(out) :: added
       type(error_t), allocatable, intent(out) :: error
+      class(qsma_recorder_t), intent(inout), optional :: recorder
       type(modal_statics_t) :: statics
-      type(static_path_t) :: start, path
+      type(static_path_t) :: path(2)
       real(wp) :: load_per_amplitude
       integer :: k, side, levels
 
@@ -145,30 +168,31 @@ contains
          allocate (record%rounds(levels), source=0)
       end if
       call new_modal_statics(system, state, options%phi, statics, error)
-      if (.not. allocated(error)) call start_path(statics, contact, start, error)
-      if (.not. allocated(error)) call try_load(system, options, statics, start, load_per_amplitude, error)
+      if (.not. allocated(error)) call start_path(statics, contact, path(1), error)
+      if (.not. allocated(error)) call try_load(system, options, statics, path(1), load_per_amplitude, error)
       if (allocated(error)) return
-      do side = 1, 2
-         path = start
-         do k = 1, levels
+      path(2) = path(1)
+      do k = 1, levels
+         do side = 1, 2
             ! The positive side sets the loads, following the secant; the negative one takes the same.
             if (side == 1) then
-               call path%advance(statics, options%amplitude(k)*load_per_amplitude, options%steps)
+               call path(1)%advance(statics, options%amplitude(k)*load_per_amplitude, options%steps)
             else
-               call path%advance(statics, -record%curve(k, 1)%load, options%steps)
+               call path(2)%advance(statics, -record%curve(k, 1)%load, options%steps)
             end if
-            record%curve(k, side) = statics%point(system, path)
-            call verify(system, state, statics, path, record%curve(k, side), added, error)
+            record%curve(k, side) = statics%point(system, path(side))
+            call verify(system, state, statics, path(side), record%curve(k, side), added, error)
             if (added > 0 .or. allocated(error)) return
-            if (side == 1) load_per_amplitude = path%load/norm2(record%curve(k, 1)%sensor(options%sensors))
-            if (side == 1 .and. options%cycle) then
-               call go_round(system, state, options, statics, path, record, k, added, error)
-               if (added > 0 .or. allocated(error)) return
-            end if
          end do
-         call book(path, record)
+         load_per_amplitude = path(1)%load/norm2(record%curve(k, 1)%sensor(options%sensors))
+         if (options%cycle) call go_round(system, state, options, statics, path(1), record, k, added, error)
+         if (added > 0 .or. allocated(error)) return
+         call evaluate(system, options, record, k)
+         if (present(recorder)) call recorder%level(record, k, error)
+         if (allocated(error)) exit
       end do
-      call evaluate(system, options, record)
+      call book(path(1), record)
+      call book(path(2), record)
    end subroutine follow_curves
 
    !> Load per amplitude while everything sticks, from a small step on a branch of its own.
@@ -263,27 +287,27 @@ contains
       record%error_estimate = max(record%error_estimate, path%error_estimate)
    end subroutine book
 
-   !> Masing's rule on each loading curve and on both together.
-   subroutine evaluate(system, options, record)
+   !> Masing's rule on each loading curve and on both together, at a level.
+   subroutine evaluate(system, options, record, k)
       type(jointed_system_t), intent(in) :: system
       type(qsma_options_t), intent(in) :: options
       type(qsma_record_t), intent(inout) :: record
+      !> Level
+      integer, intent(in) :: k
       real(wp) :: loss(2)
-      integer :: k, side
+      integer :: side
 
-      do k = 1, size(record%curve, 1)
-         do side = 1, 2
-            associate (p => record%curve(k, side))
-               loss(side) = 8.0_wp*(p%friction_loss + (p%stored_energy - 0.5_wp*p%load*p%displacement))
-               record%direction(k, side) = parameters(system, options, abs(p%load), abs(p%displacement), &
-                  & norm2(p%sensor(options%sensors)), loss(side))
-            end associate
-         end do
-         associate (upper => record%curve(k, 1), lower => record%curve(k, 2))
-            record%combined(k) = parameters(system, options, upper%load, 0.5_wp*(upper%displacement - lower%displacement), &
-               & 0.5_wp*norm2(upper%sensor(options%sensors) - lower%sensor(options%sensors)), 0.5_wp*sum(loss))
+      do side = 1, 2
+         associate (p => record%curve(k, side))
+            loss(side) = 8.0_wp*(p%friction_loss + (p%stored_energy - 0.5_wp*p%load*p%displacement))
+            record%direction(k, side) = parameters(system, options, abs(p%load), abs(p%displacement), &
+               & norm2(p%sensor(options%sensors)), loss(side))
          end associate
       end do
+      associate (upper => record%curve(k, 1), lower => record%curve(k, 2))
+         record%combined(k) = parameters(system, options, upper%load, 0.5_wp*(upper%displacement - lower%displacement), &
+            & 0.5_wp*norm2(upper%sensor(options%sensors) - lower%sensor(options%sensors)), 0.5_wp*sum(loss))
+      end associate
    end subroutine evaluate
 
    !> Modal parameters from a load, the modal displacement it makes, the amplitude and the loss of a cycle.

@@ -37,7 +37,10 @@ module microslip_analysis_transient
    implicit none(type, external)
    private
 
-   public :: transient_options_t, transient_record_t, sample_t, transient_recorder_t, energy_t, run_transient
+   public :: transient_options_t, transient_record_t, sample_t, transient_recorder_t, energy_t, run_transient, most_steps
+
+   !> Steps are counted in integers.
+   real(wp), parameter :: most_steps = 1.0e9_wp
 
    type :: transient_options_t
       !> s; 0: until the excitations end
@@ -98,6 +101,7 @@ contains
       if (allocated(error)) return
       system%problem%velocity_level = contact_options%velocity_level
       call begin(system, start, options, motion, error)
+      if (.not. allocated(error)) call check_duration(options, motion, error)
       if (allocated(error)) return
       samples = [sample_of(system, motion, options)]
       if (present(point)) then
@@ -225,8 +229,22 @@ contains
 
       duration = options%duration
       if (duration <= 0.0_wp) duration = end_of_all(motion%excitations)
-      last_step = ceiling(min(duration/options%time_step, 0.5_wp*huge(1))*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
+      last_step = ceiling(min(duration/options%time_step, most_steps)*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
    end function last_step
+
+   !> Whether the steps can be counted.
+   subroutine check_duration(options, motion, error)
+      type(transient_options_t), intent(in) :: options
+      !> As it begins
+      type(motion_t), intent(in) :: motion
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: duration
+
+      duration = options%duration
+      if (duration <= 0.0_wp) duration = end_of_all(motion%excitations)
+      if (.not. duration/options%time_step <= most_steps) call failure(error, to_text(duration)//' s are more than '// &
+         & to_text(most_steps)//' time steps of '//to_text(options%time_step)//' s')
+   end subroutine check_duration
 
    !> The step at which the next snapshot is due: the first one not before its time.
    pure integer function next_snapshot(options, step)

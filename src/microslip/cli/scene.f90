@@ -1,11 +1,13 @@
 !> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
 module microslip_cli_scene
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp, pi
+   use microslip_core_text, only: to_text
    use microslip_fe_element, only: cross_product
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_model, only: fe_model_t
+   use microslip_fe_model_check, only: check_model
    use microslip_halfspace_coupling, only: points_on_faces
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
@@ -66,6 +68,10 @@ contains
                & unit_in_si(source%unit_length), unit_in_si(source%unit_mass), unit_in_si(source%unit_time), model, error)
          end if
       end associate
+      if (.not. allocated(error)) then
+         call check_model(model, error)
+         if (allocated(error)) error%message = case%located(case%model%file)//': '//error%message
+      end if
       if (allocated(error)) error%message = case%path//': &model: '//error%message
    end subroutine read_model
 
@@ -99,7 +105,8 @@ contains
          call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), error)
          if (allocated(error)) return
       end do
-      call build_patterns(case, scene, error)
+      call check_modes(case, scene, error)
+      if (.not. allocated(error)) call build_patterns(case, scene, error)
       allocate (scene%tables(size(case%excitations)))
       do k = 1, size(case%excitations)
          if (allocated(error)) return
@@ -107,6 +114,21 @@ contains
             & scene%tables(k)%points, error)
       end do
    end subroutine build_scene
+
+   !> The model has as many modes.
+   subroutine check_modes(case, scene, error)
+      type(case_t), intent(in) :: case
+      type(scene_t), intent(in) :: scene
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k, most
+
+      if (.not. allocated(case%reduction%n_modes)) return
+      most = scene%model%row_count()
+      if (case%reduction%method == 'craig_bampton_massless') &
+         & most = most - sum([(scene%pads(k)%boundary_count(), k=1, size(scene%pads))])
+      if (case%reduction%n_modes > most) call bad_input(error, case%path//': &reduction: n_modes = ' &
+         & //to_text(case%reduction%n_modes)//': allowed: an integer <= '//to_text(most)//', the model has no more modes')
+   end subroutine check_modes
 
    !> One interface: node pairs, grid, surface, half space.
    subroutine build_pad(case, record, model, pad, error)
@@ -135,6 +157,7 @@ contains
       end if
       if (.not. allocated(error)) call make_surface(case, record, grid, surface, error)
       if (.not. allocated(error)) call surface%heights(grid%position, height, error)
+      if (.not. allocated(error)) call check_heights(grid, height, record%topography, error)
       if (record%grid == 'fe_nodes') then
          if (.not. allocated(error)) pad%height = height
       else
@@ -147,6 +170,22 @@ contains
       if (allocated(record%initial_pressure)) pad%initial_pressure = record%initial_pressure
       if (allocated(error)) error%message = case%path//": interface '"//trim(record%name)//"': "//error%message
    end subroutine build_pad
+
+   !> No surface is steeper than its interface is long.
+   subroutine check_heights(grid, height, topography, error)
+      type(be_grid_t), intent(in) :: grid
+      !> (points) m
+      real(wp), intent(in) :: height(:)
+      character(len=*), intent(in) :: topography
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: range, length
+
+      range = maxval(height) - minval(height)
+      length = norm2(maxval(grid%position, 2) - minval(grid%position, 2))
+      if (range <= length .or. size(height) < 2) return
+      call bad_input(error, "topography '"//trim(topography)//"': the heights differ by "//to_text(range, 3)//' m on '// &
+         & to_text(length, 3)//' m, allowed is no more than that length: are units and scale right, and unknown points NaN?')
+   end subroutine check_heights
 
    !> Node pairs of an interface, from node sets or from a plane.
    subroutine find_interface(record, model, contact, error)

@@ -6,9 +6,10 @@ module microslip_cli_static_analyses
    use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
       & shape_of_mode
    use microslip_core_error, only: error_t, failure
+   use microslip_core_interruption, only: hold_signals, release_signals
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_io_modal_results, only: write_qsma
+   use microslip_io_modal_results, only: qsma_results_t, write_qsma
    implicit none(type, external)
    private
 
@@ -40,10 +41,30 @@ contains
          & //to_text(record%force_deviation, 2)//'), '//to_text(count(run%state%contact%status > 0))//' points closed, ' &
          & //to_text(record%solves)//' solves, '//to_text(record%iterations)//' iterations, residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
+      call check_pressure(run, record, error)
+      if (allocated(error)) return
       if (round > 1) call write_system(run, error)
       if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
       call run%clock%stop('write')
    end subroutine preload
+
+   !> No body carries a mean pressure beyond its Young's modulus.
+   subroutine check_pressure(run, record, error)
+      type(run_t), intent(in) :: run
+      type(preload_record_t), intent(in) :: record
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: pressure
+      integer :: k
+
+      do k = 1, size(run%system%pads)
+         if (.not. allocated(run%case%interfaces(k)%young_modulus)) cycle
+         pressure = record%interface_force(k)/sum(run%system%pads(k)%grid%area)
+         if (pressure <= minval(run%case%interfaces(k)%young_modulus)) cycle
+         call failure(error, "preload: interface '"//trim(run%case%interfaces(k)%name)//"' would carry a mean pressure of " &
+            & //to_text(pressure, 3)//" Pa, more than Young's modulus: are the loads right?")
+         return
+      end do
+   end subroutine check_pressure
 
    !> Linear modes about the present state.
    subroutine linear_modes(run, error)
@@ -56,17 +77,21 @@ contains
 
    !> Quasi-static modal analysis.
    subroutine qsma(run, error)
-      type(run_t), intent(inout) :: run
+      type(run_t), intent(inout), target :: run
       type(error_t), allocatable, intent(out) :: error
       type(qsma_options_t) :: options
       type(qsma_record_t) :: record
+      type(qsma_results_t) :: recorder
 
       options = qsma_options(run)
       call shape_of_mode(run, 'qsma', run%case%qsma%mode, options%phi, error)
       if (.not. allocated(error)) call settle_damping(run, error)
       if (allocated(error)) return
       options%frequency = run%modes%frequency(run%case%qsma%mode)
-      call run_qsma(run%system, run%state, options, contact_options(run), record, error)
+      recorder%results => run%results
+      call hold_signals()
+      call run_qsma(run%system, run%state, options, contact_options(run), record, error, recorder)
+      call release_signals()
       call run%clock%stop('qsma')
       if (allocated(error)) return
       associate (last => size(record%combined))

@@ -1,10 +1,11 @@
 !> What the groups of a case say about each other: names that must exist, counts that must agree, groups and
 !> keys that the chosen analyses would ignore.
 module microslip_io_case_checks
+   use microslip_analysis_transient, only: most_steps
    use microslip_core_kinds, only: wp
    use microslip_core_nearest_name, only: nearest_name, quoted_list
    use microslip_core_text, only: to_text, lower_case
-   use microslip_io_case, only: case_t, name_length
+   use microslip_io_case, only: case_t, excitation_case_t, name_length
    use microslip_io_group_keys, only: group_keys_t
    implicit none(type, external)
    private
@@ -270,6 +271,7 @@ contains
             if (any(excitation%times >= input%transient%duration)) call group%fault('times', &
                'before the end of the &transient, < '//to_text(input%transient%duration)//' s')
          end if
+         if (excitation%kind == 'swept_sine') call check_sweep(group, excitation)
          if (.not. is_measured(excitation%kind)) return
          if (.not. allocated(input%output%sensors)) call group%fault('kind', &
             "one of 'half_sine', 'harmonic', 'file': the others measure at the sensors of &output, but there is none")
@@ -277,6 +279,27 @@ contains
             'one stepped or swept sine at most, this is the second one')
       end associate
    end subroutine check_excitation
+
+   !> A sweep leaves time for a window to measure in.
+   subroutine check_sweep(group, excitation)
+      type(group_keys_t), intent(inout) :: group
+      type(excitation_case_t), intent(in) :: excitation
+      real(wp) :: periods, of_rate
+
+      if (.not. (group%sound('rate') .and. group%sound('frequency_from') .and. group%sound('frequency_to'))) return
+      if (min(excitation%rate, excitation%frequency_from, excitation%frequency_to) <= 0.0_wp) return
+      ! Cycles times the rate, Hz/s or octaves per minute.
+      of_rate = abs(excitation%frequency_to - excitation%frequency_from)
+      if (excitation%sweep == 'log') then
+         of_rate = of_rate*60.0_wp/log(2.0_wp)
+      else
+         of_rate = of_rate*0.5_wp*(excitation%frequency_to + excitation%frequency_from)
+      end if
+      periods = of_rate/excitation%rate
+      if (periods < excitation%measure_periods) call group%fault('rate', 'a number <= '// &
+         to_text(of_rate/excitation%measure_periods)//': the sweep holds '//to_text(periods, 3)//' periods, a window '// &
+         to_text(excitation%measure_periods))
+   end subroutine check_sweep
 
    !> Whether harmonics are measured under an excitation.
    elemental logical function is_measured(kind)
@@ -289,10 +312,23 @@ contains
       type(group_keys_t), intent(inout) :: group
       type(case_t), intent(in) :: input
 
+      call check_steps(group, input%transient%time_step, input%transient%duration)
       if (input%transient%duration > 0.0_wp .or. .not. group%sound('duration')) return
       if (.not. any(is_measured(input%excitations%kind)) .or. any(input%excitations%kind == 'harmonic')) call group%fault( &
          'duration', 'a number > 0, unless a stepped or swept sine sets the end and no harmonic excitation goes on')
    end subroutine check_transient
+
+   !> The steps can be counted.
+   subroutine check_steps(group, time_step, duration)
+      type(group_keys_t), intent(inout) :: group
+      !> s; not allocated: found when the model is known
+      real(wp), allocatable, intent(in) :: time_step
+      real(wp), intent(in) :: duration
+
+      if (.not. allocated(time_step)) return
+      if (duration > most_steps*time_step) call group%fault('time_step', 'at most '//to_text(most_steps)// &
+         ' steps in all, a number >= '//to_text(duration/most_steps))
+   end subroutine check_steps
 
    !> The load of the impacts exists, and so do the modes.
    subroutine check_settling(group, input, loads)
@@ -302,6 +338,8 @@ contains
       integer :: load
 
       call check_mode(group, input, 'mode', 'settling', input%settling%mode, 'the period of a linear mode')
+      if (allocated(input%settling%amplitude)) call check_steps(group, input%settling%time_step, &
+         input%settling%interval*max(input%settling%impacts, size(input%settling%amplitude)))
       load = input%find_load(input%settling%load)
       if (group%sound('load') .and. load == 0) then
          call group%fault('load', known_names('load', input%settling%load, loads))

@@ -8,7 +8,10 @@ module microslip_io_case_model
    implicit none(type, external)
    private
 
-   public :: case_keys, model_keys, reduction_keys, damping_keys, contact_keys, length_units
+   public :: case_keys, model_keys, reduction_keys, damping_keys, contact_keys, length_units, smallest_tolerance
+
+   !> What rounding leaves.
+   real(wp), parameter :: smallest_tolerance = 1.0e-15_wp
 
    character(len=*), parameter :: length_units(3) = ['m ', 'mm', 'um']
    character(len=*), parameter :: available(8) = [character(len=16) :: 'preload', 'linear_modes', 'transient', 'qsma', &
@@ -101,7 +104,7 @@ contains
       type(contact_case_t), intent(inout) :: record
 
       call keys%name_key('solver', record%solver, contact_solver_names)
-      call keys%real_key('tolerance', record%tolerance, between(0.0_wp, 1.0_wp))
+      call keys%real_key('tolerance', record%tolerance, between(smallest_tolerance, 1.0_wp, closed_lower=.true.))
       call keys%integer_key('max_iterations', record%max_iterations, at_least(1))
       call keys%name_key('normal_law', record%normal_law, [character(len=name_length) :: 'gap', 'velocity'])
       if (record%solver == 'condensed') then

@@ -3,6 +3,7 @@ module microslip_io_case_periodic
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_case, only: harmonic_balance_case_t, epmc_case_t
+   use microslip_io_case_model, only: smallest_tolerance
    use microslip_io_group_keys, only: group_keys_t
    use microslip_io_value_range, only: positive, at_least, between
    implicit none(type, external)
@@ -29,7 +30,7 @@ contains
       call series_keys(keys, record%harmonics, record%samples)
       call keys%optional_real('frequency_step', record%frequency_step, positive)
       call keys%real_key('response_step', record%response_step, between(0.0_wp, 1.0_wp, closed_upper=.true.))
-      call keys%real_key('tolerance', record%tolerance, between(0.0_wp, 1.0_wp))
+      call keys%real_key('tolerance', record%tolerance, between(smallest_tolerance, 1.0_wp, closed_lower=.true.))
       call keys%integer_key('max_points', record%max_points, at_least(1, most_points))
       call keys%finish()
    end subroutine harmonic_balance_keys
@@ -47,7 +48,7 @@ contains
       call keys%integer_key('points', record%points, at_least(2, most_points))
       call series_keys(keys, record%harmonics, record%samples)
       call keys%real_key('response_step', record%response_step, between(0.0_wp, 1.0_wp, closed_upper=.true.))
-      call keys%real_key('tolerance', record%tolerance, between(0.0_wp, 1.0_wp))
+      call keys%real_key('tolerance', record%tolerance, between(smallest_tolerance, 1.0_wp, closed_lower=.true.))
       call keys%integer_key('max_points', record%max_points, at_least(1, most_points))
       call keys%finish()
    end subroutine epmc_keys

@@ -1,6 +1,7 @@
 !> What a result file keeps to be continued: /checkpoint, in files of runs that have not come to their end.
 module microslip_io_checkpoint
-   use microslip_core_error, only: error_t
+   use microslip_core_digest, only: digest_t
+   use microslip_core_error, only: bad_input, error_t
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_results, only: results_t
    implicit none(type, external)
@@ -41,11 +42,48 @@ contains
       if (unfinished) then
          if (.not. allocated(error)) call file%read(group//'/digest', checkpoint%digest, error)
          if (.not. allocated(error)) call file%read(group//'/analyses', checkpoint%analyses, error)
-         if (.not. allocated(error) .and. file%has(group//'/run')) call file%read(group//'/run', checkpoint%run, error)
-         if (.not. allocated(error) .and. file%has(group//'/point')) call file%read(group//'/point', checkpoint%point, error)
+         if (.not. allocated(error) .and. file%has(group//'/run')) call read_words(file, group//'/run', checkpoint%run, error)
+         if (.not. allocated(error) .and. file%has(group//'/point')) &
+            & call read_words(file, group//'/point', checkpoint%point, error)
       end if
       call file%close(ignored)
    end subroutine read_checkpoint
+
+   !> Words of a state, with their digest: a bit that has changed would be a wrong number somewhere.
+   subroutine write_words(file, path, words, description, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, description
+      integer, intent(in) :: words(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call file%write(path, words, '1', description, error)
+      if (.not. allocated(error)) call file%set_attribute(path, 'digest', digest_of(words), error)
+   end subroutine write_words
+
+   !> Take them back, as they were written.
+   subroutine read_words(file, path, words, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path
+      integer, allocatable, intent(out) :: words(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: digest
+
+      call file%read(path, words, error)
+      if (.not. allocated(error)) call file%get_attribute(path, 'digest', digest, error)
+      if (allocated(error)) return
+      if (digest /= digest_of(words)) call bad_input(error, file%path//": '"//path(2:)// &
+         & "' is damaged, --restart cannot go on from it")
+   end subroutine read_words
+
+   !> Digest of words.
+   pure function digest_of(words) result(text)
+      integer, intent(in) :: words(:)
+      character(len=16) :: text
+      type(digest_t) :: digest
+
+      call digest%add(words)
+      text = digest%hexadecimal()
+   end function digest_of
 
    !> Nothing is finished yet.
    subroutine begin_checkpoints(results, digest, error)
@@ -68,7 +106,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       call results%file%delete(group//'/point', error)
-      if (.not. allocated(error)) call results%file%write(group//'/run', run, '1', 'state behind them, in words', error)
+      if (.not. allocated(error)) call write_words(results%file, group//'/run', run, &
+         & 'state behind them, in words', error)
       if (.not. allocated(error)) call results%file%write(group//'/analyses', analyses, '1', 'analyses that are finished', error)
       if (.not. allocated(error) .and. analyses > 0) call results%publish(error)
    end subroutine keep_analysis
@@ -79,7 +118,7 @@ contains
       integer, intent(in) :: point(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call results%file%write(group//'/point', point, '1', 'restart point of the running analysis, in words', error)
+      call write_words(results%file, group//'/point', point, 'restart point of the running analysis, in words', error)
    end subroutine keep_point
 
    !> The run has come to its end.

@@ -1,37 +1,70 @@
 !> Frequency and damping over amplitude in the result file: /qsma and /ringdown (doc/results.md).
+!>
+!> The levels of /qsma that are finished are published every so often, and where a run ends early.
 module microslip_io_modal_results
-   use microslip_analysis_qsma, only: modal_parameters_t, qsma_record_t
+   use microslip_analysis_qsma, only: modal_parameters_t, qsma_record_t, qsma_recorder_t
    use microslip_analysis_ringdown, only: ringdown_t
    use microslip_analysis_static_path, only: static_point_t
    use microslip_core_error, only: error_t
+   use microslip_core_interruption, only: stop_requested
    use microslip_core_kinds, only: wp
    use microslip_io_hdf5, only: hdf5_file_t
+   use microslip_io_results, only: results_t
    implicit none(type, external)
    private
 
-   public :: write_qsma, write_ringdown
+   public :: qsma_results_t, write_qsma, write_ringdown
+
+   !> Writes the levels of a quasi-static modal analysis into a result file.
+   type, extends(qsma_recorder_t) :: qsma_results_t
+      !> The open result file
+      type(results_t), pointer :: results => null()
+   contains
+      procedure :: level
+   end type qsma_results_t
 
 contains
 
+   !> Take the levels so far.
+   subroutine level(self, record, levels, error)
+      class(qsma_results_t), intent(inout) :: self
+      type(qsma_record_t), intent(in) :: record
+      integer, intent(in) :: levels
+      type(error_t), allocatable, intent(out) :: error
+      type(error_t), allocatable :: stop_here
+
+      call stop_requested(stop_here)
+      if (allocated(stop_here) .or. self%results%is_due()) call write_qsma(self%results%file, record, error, levels)
+      if (.not. allocated(error)) call self%results%publish_if_due(error)
+      if (.not. allocated(error)) call move_alloc(stop_here, error)
+   end subroutine level
+
    !> Quasi-static modal analysis: /qsma.
-   subroutine write_qsma(file, record, error)
+   subroutine write_qsma(file, record, error, levels)
       !> Open result file
       type(hdf5_file_t), intent(in) :: file
       type(qsma_record_t), intent(in) :: record
       type(error_t), allocatable, intent(out) :: error
+      !> How many of them are finished, all by default
+      integer, intent(in), optional :: levels
       character(len=*), parameter :: side(2) = ['/qsma/positive', '/qsma/negative']
-      integer :: k
+      integer :: k, n
 
-      call put_parameters(file, '/qsma', record%combined, error)
+      n = size(record%combined)
+      if (present(levels)) n = levels
+      ! Fewer levels may be there.
+      call file%delete('/qsma', error)
+      if (allocated(error)) return
+      call put_parameters(file, '/qsma', record%combined(:n), error)
       do k = 1, 2
-         call put_parameters(file, side(k), record%direction(:, k), error)
-         call put_curve(file, side(k), record%curve(:, k), error)
+         call put_parameters(file, side(k), record%direction(:n, k), error)
+         call put_curve(file, side(k), record%curve(:n, k), error)
       end do
       if (allocated(record%loop)) then
-         call put_parameters(file, '/qsma/cycle', record%loop, error)
-         call put(file, '/qsma/cycle/closure', record%closure, '1', &
+         call put_parameters(file, '/qsma/cycle', record%loop(:n), error)
+         call put(file, '/qsma/cycle/closure', record%closure(:n), '1', &
             & '[level]: distance of the ends of the last loop over its width', error, '/qsma/cycle/amplitude')
-         call put_integers(file, '/qsma/cycle/rounds', record%rounds, 'how often the loop was gone round', error, &
+         call put_integers(file, '/qsma/cycle/rounds', record%rounds(:n), 'how often the loop was gone round', error, &
             & '/qsma/cycle/amplitude')
       end if
       call put_integer(file, '/qsma/iterations', record%iterations, 'iterations of the contact solver in all load steps', error)

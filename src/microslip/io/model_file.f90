@@ -202,7 +202,7 @@ contains
       if (.not. allocated(error)) call read_elements(file, model, error)
       if (.not. allocated(error)) call read_node_sets(file, model, error)
       if (.not. allocated(error)) call read_rows(file, model, error)
-      if (.not. allocated(error)) call read_matrix(file, '/stiffness', model%row_count(), model%stiffness, error)
+      if (.not. allocated(error)) call read_matrix(file, '/stiffness', 'N/m', model%row_count(), model%stiffness, error)
       if (.not. allocated(error)) call read_mass(file, model, error)
       if (.not. allocated(error)) call check_diagonals(file, model, error)
       call file%close(ignored)
@@ -233,7 +233,8 @@ contains
       type(fe_model_t), intent(inout) :: model
       type(error_t), allocatable, intent(out) :: error
 
-      call file%read('/coordinates', model%coordinates, error)
+      call check_units(file, '/coordinates', 'm', error)
+      if (.not. allocated(error)) call file%read('/coordinates', model%coordinates, error)
       if (.not. allocated(error)) call file%read('/node_label', model%node_label, error)
       if (allocated(error)) return
       if (size(model%coordinates, 1) /= 3 .or. size(model%coordinates, 2) /= size(model%node_label)) then
@@ -359,9 +360,9 @@ contains
       if (allocated(error)) return
       select case (form)
       case (per_row)
-         call read_matrix(file, '/mass', model%row_count(), model%mass, error)
+         call read_matrix(file, '/mass', 'kg', model%row_count(), model%mass, error)
       case (per_node)
-         call read_matrix(file, '/mass', model%node_count(), nodal, error)
+         call read_matrix(file, '/mass', 'kg', model%node_count(), nodal, error)
          if (.not. allocated(error)) model%mass = expanded(nodal, model)
       case default
          call bad_input(error, file%path//": 'mass': form '"//form//"' is not known ('"//per_row//"' and '"// &
@@ -370,16 +371,17 @@ contains
    end subroutine read_mass
 
    !> One triangle of a symmetric n x n matrix.
-   subroutine read_matrix(file, group, n, matrix, error)
+   subroutine read_matrix(file, group, units, n, matrix, error)
       type(hdf5_file_t), intent(in) :: file
-      character(len=*), intent(in) :: group
+      character(len=*), intent(in) :: group, units
       integer, intent(in) :: n
       type(symmetric_sparse_t), intent(out) :: matrix
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: length(:), step(:)
       integer :: row, k
 
-      call file%read(group//'/row_length', length, error)
+      call check_units(file, group//'/value', units, error)
+      if (.not. allocated(error)) call file%read(group//'/row_length', length, error)
       if (.not. allocated(error)) call file%read(group//'/column_step', step, error)
       if (.not. allocated(error)) call file%read(group//'/value', matrix%value, error)
       if (allocated(error)) return
@@ -413,6 +415,20 @@ contains
          end if
       end do
    end subroutine read_matrix
+
+   !> Model files are in SI units: one that says otherwise is refused.
+   subroutine check_units(file, path, units, error)
+      type(hdf5_file_t), intent(in) :: file
+      character(len=*), intent(in) :: path, units
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      if (.not. file%has_attribute(path, 'units')) return
+      call file%get_attribute(path, 'units', found, error)
+      if (allocated(error)) return
+      if (found /= units) call bad_input(error, file%path//": '"//path(2:)//"' is in '"//found// &
+         "', model files are in SI units: '"//units//"'")
+   end subroutine check_units
 
    !> A diagonal entry that no structure has.
    subroutine check_diagonals(file, model, error)

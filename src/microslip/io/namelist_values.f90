@@ -52,9 +52,40 @@ contains
             line(position) = group%assignments(k)%line
             work(position) = group%assignments(k)%values(v)
          end do
+         if (group%assignments(k)%count < section_size(group%assignments(k), rows)) then
+            problem = 'fewer values than the subscript names'
+            allocate (elements(0))
+            return
+         end if
       end do
       elements = work(:last)
    end subroutine gather_elements
+
+   !> How many elements a subscript names; 0 where it leaves that open.
+   pure integer function section_size(assignment, rows) result(elements)
+      type(namelist_assignment_t), intent(in) :: assignment
+      integer, intent(in) :: rows
+      integer :: first, last, d
+
+      elements = 0
+      associate (given => assignment%subscript)
+         if (size(given, 2) == 0) return
+         ! a(2) = 1, 2, 3 fills a list from its second element on.
+         if (size(given, 2) == 1 .and. given(1, 1) == given(2, 1)) return
+         elements = 1
+         do d = 1, size(given, 2)
+            first = max(1, given(1, d))
+            last = given(2, d)
+            if (last <= 0 .and. d == 1 .and. rows > 1) last = rows
+            if (last <= 0) then
+               elements = 0
+               return
+            end if
+            if (last - first >= huge(1)/elements) return
+            elements = elements*(last - first + 1)
+         end do
+      end associate
+   end function section_size
 
    !> Position in the array, in element order, of the v-th value of an assignment.
    pure subroutine locate(assignment, v, rows, position, problem)
