@@ -2,6 +2,7 @@
 module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
+   use microslip_cli_coupling_report, only: report_mesh
    use microslip_cli_log, only: log_t
    use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
@@ -76,6 +77,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(run_t), target :: run
       type(fe_model_t) :: model
+      integer :: k
 
       run%log = log_t(quiet=line%quiet, verbose=line%verbose)
       call run%clock%start()
@@ -92,6 +94,9 @@ contains
       if (allocated(error)) return
       call run%clock%stop('read')
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene)
+      do k = 1, size(run%scene%pads)
+         call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
+      end do
       if (line%check) return
       call compute(run, line, command, error)
    end subroutine run_case
