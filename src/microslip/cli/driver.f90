@@ -95,7 +95,8 @@ contains
       call run%clock%stop('read')
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene)
       do k = 1, size(run%scene%pads)
-         call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
+         if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &
+            & call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
       end do
       if (line%check) return
       call compute(run, line, command, error)

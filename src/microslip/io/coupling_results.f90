@@ -1,6 +1,7 @@
 !> How half space and FE mesh of the interfaces go together, in the result file: /interface_K/coupling (doc/results.md).
 module microslip_io_coupling_results
    use microslip_core_error, only: error_t
+   use microslip_core_kinds, only: wp
    use microslip_fe_interface_mesh, only: interface_mesh_t
    use microslip_io_contact_fields, only: interface_group
    use microslip_io_hdf5, only: hdf5_file_t
