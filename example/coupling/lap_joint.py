@@ -20,7 +20,7 @@ from compare import Raster, contact_points, distance, run, write_table
 
 LENGTH, WIDTH, THICK, OVERLAP = 100.0, 24.0, 6.0, 40.0         # mm: a strip, and what both share
 BORE, WASHER, BOLT, CROWN = 8.0, 16.0, 3000.0, 10.0            # mm, mm, N, um of gap at the corners of the pads
-CELLS = (50, 30)                                               # boundary-element grid, 0.8 mm
+CELL, FINE_CELL = 0.8, 0.5                                     # mm, of the boundary-element grid
 MODE, AMPLITUDES = 2, (1.3, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 15.0)      # um at the washer, across the strips
 ZONE = 11.0                                                    # mm: half of what is meshed finely, about; contact ends at 10
 
@@ -61,9 +61,10 @@ def write_crown(path):
             f.create_dataset(name, data=data).attrs["units"] = "m"
 
 
-def case_text(spacing, contact):
+def case_text(spacing, contact, cell):
     where = "grid = 'fe_nodes'" if contact == "resolved" else \
-        f"nx = {CELLS[0]}, ny = {CELLS[1]}, young_modulus = {STEEL[0]}, poisson_ratio = {STEEL[1]}, coupling = '{contact}'"
+        f"nx = {round(OVERLAP / cell)}, ny = {round(WIDTH / cell)}, young_modulus = {STEEL[0]}, poisson_ratio = {STEEL[1]}, " \
+        f"coupling = '{contact}'"
     return f"""&case title = 'lap joint', analyses = 'preload', 'linear_modes', 'qsma' /
 &model source = 'hdf5', file = 'strips_{spacing:.4f}.h5' /
 &interface name = 'joint', side_a = 'upper_pad', side_b = 'lower_pad', axis_1 = 1, 0, 0, friction = 0.6, {where} /
@@ -79,29 +80,30 @@ def case_text(spacing, contact):
 """
 
 
-def measure(program, work, contact, spacing):
+def measure(program, work, contact, spacing, cell=CELL):
     """What a mesh gives: frequencies, damping at the amplitudes asked for, pressure on a raster."""
     model = work / f"strips_{spacing:.4f}.h5"
     if not model.exists():
         write_model(model, spacing)
     if not (work / "crown.h5").exists():
         write_crown(work / "crown.h5")
-    result = run(program, work, f"lap_{contact}_{spacing:.4f}", case_text(spacing, contact))
+    grid = f"_grid_{cell}" if cell != CELL else ""
+    result = run(program, work, f"lap_{contact}_{spacing:.4f}{grid}", case_text(spacing, contact, cell))
     raster = Raster((OVERLAP, WIDTH), lambda x, y: (abs(x) > BORE / 2) | (abs(y) > BORE / 2))
     with h5py.File(result) as f:
         q = f["qsma"]
         level = lambda v: np.interp(np.log(AMPLITUDES), np.log(q["amplitude"][:] * 1e6), v)
         pressure = raster.field(*contact_points(f, "preload/interface_1/pressure")) * 1e-6
-        return dict(contact=contact, spacing=spacing, tied=f["model/tied_frequency"][MODE - 1],
-                    frequency=f["linear_modes/frequency"][:6], curve=level(q["frequency"][:]),
+        return dict(contact=contact, spacing=spacing, cell="" if contact == "resolved" else cell,
+                    tied=f["model/tied_frequency"][MODE - 1], frequency=f["linear_modes/frequency"][:6], curve=level(q["frequency"][:]),
                     damping=level(q["friction_damping_ratio"][:]), closed=(pressure > 0).sum() * raster.step**2,
                     pressure=pressure, squares=raster.means(pressure, 2.0))
 
 
 def table_row(r, reference):
-    """Deviations from the reference; of the frequency also as a ratio to that of the tied strips: less of the meshes' own error."""
+    """Deviations from the reference; of the frequency also over that of the tied strips, with less of the meshes' own error."""
     f, wanted = (v["frequency"][MODE - 1] for v in (r, reference))
-    row = dict(contact=r["contact"], fe_spacing_mm=f"{r['spacing']:.3f}", closed_mm2=f"{r['closed']:.1f}",
+    row = dict(contact=r["contact"], fe_spacing_mm=f"{r['spacing']:.3f}", cell_mm=r["cell"], closed_mm2=f"{r['closed']:.1f}",
                closed_deviation=f"{r['closed'] / reference['closed'] - 1:+.4f}",
                pressure_deviation_squares=f"{distance(r['squares'], reference['squares']):.4f}",
                **{f"f{k}_Hz": f"{v:.2f}" for k, v in enumerate(r["frequency"], 1)},
@@ -116,26 +118,27 @@ def draw(path, results):
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
-    figure, axes = plt.subplots(2, 3, figsize=(11, 6), layout="constrained", height_ratios=(1, 1.4))
+    figure = plt.figure(figsize=(11, 6), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1, 1.5))
     last = {r["contact"]: r for r in results}
-    top = np.quantile(last["resolved"]["pressure"], 0.998)
-    for axis, r in zip(axes[0], last.values()):
+    axes, top = above.subplots(1, 3), np.quantile(last["resolved"]["pressure"], 0.998)
+    for axis, r in zip(axes, last.values()):
         image = axis.imshow(r["pressure"], origin="lower", vmin=0, vmax=top, cmap="inferno",
                             extent=(-OVERLAP / 2, OVERLAP / 2, -WIDTH / 2, WIDTH / 2))
         axis.set_title(f"{r['contact'].replace('_', ' ')}, FE {r['spacing']:.2g} mm", fontsize=9)
-    figure.colorbar(image, ax=axes[0], label="pressure, MPa")
-    for axis in axes[1]:
-        axis.remove()
-    below = figure.add_gridspec(2, 2, height_ratios=(1, 1.4))
-    damping, frequency = figure.add_subplot(below[1, 0]), figure.add_subplot(below[1, 1])
+    above.colorbar(image, ax=axes, label="pressure, MPa")
+    damping, frequency = below.subplots(1, 2)
     colour = {"resolved": "black", "series": "tab:red", "scale_split": "tab:blue"}
     style = {s: l for s, l in zip(sorted({r["spacing"] for r in results}), ("-", "--", "-.", ":", (0, (1, 4))))}
     for r in results:
         label = f"{r['contact'].replace('_', ' ')}, {r['spacing']:.2g} mm"
         damping.loglog(AMPLITUDES, 100 * r["damping"].clip(1e-8), color=colour[r["contact"]], ls=style[r["spacing"]], label=label)
         frequency.semilogx(AMPLITUDES, r["curve"], color=colour[r["contact"]], ls=style[r["spacing"]], label=label)
-    damping.set(xlabel="amplitude at the washer, um", ylabel="damping ratio by friction, %", ylim=(0.01, 5))
-    frequency.set(xlabel="amplitude at the washer, um", ylabel="frequency, Hz")
+    ticks = dict(xlabel="amplitude at the washer, um", xticks=AMPLITUDES, xticklabels=[f"{u:g}" for u in AMPLITUDES])
+    damping.set(ylabel="damping ratio by friction, %", **ticks)
+    frequency.set(ylabel="frequency, Hz", **ticks)
+    for axis in (damping, frequency):
+        axis.minorticks_off()
     damping.legend(fontsize=7)
     figure.savefig(path, dpi=110)
 
@@ -152,7 +155,8 @@ def main():
                for contact, spacings in (("resolved", a.resolved), ("series", a.coarse), ("scale_split", a.coarse))
                for h in spacings]
     reference = results[len(a.resolved) - 1]
-    write_table(a.work / "lap_joint.csv", [table_row(r, reference) for r in results])
+    fine = [measure(a.program, a.work, contact, a.coarse[-1], FINE_CELL) for contact in ("series", "scale_split")]
+    write_table(a.work / "lap_joint.csv", [table_row(r, reference) for r in results + fine])
     print((a.work / "lap_joint.csv").read_text())
     draw(a.work / "coupling_lap_joint.png", results)
 
