@@ -95,8 +95,8 @@ def measure(program, work, contact, spacing, cell=CELL):
         level = lambda v: np.interp(np.log(AMPLITUDES), np.log(q["amplitude"][:] * 1e6), v)
         pressure = raster.field(*contact_points(f, "preload/interface_1/pressure")) * 1e-6
         return dict(contact=contact, spacing=spacing, cell="" if contact == "resolved" else cell,
-                    tied=f["model/tied_frequency"][MODE - 1], frequency=f["linear_modes/frequency"][:6], curve=level(q["frequency"][:]),
-                    damping=level(q["friction_damping_ratio"][:]), closed=(pressure > 0).sum() * raster.step**2,
+                    tied=f["model/tied_frequency"][MODE - 1], frequency=f["linear_modes/frequency"][:6],
+                    curve=level(q["frequency"][:]), damping=level(q["friction_damping_ratio"][:]), closed=(pressure > 0).sum() * raster.step**2,
                     pressure=pressure, squares=raster.means(pressure, 2.0))
 
 
@@ -129,13 +129,14 @@ def draw(path, results):
     above.colorbar(image, ax=axes, label="pressure, MPa")
     damping, frequency = below.subplots(1, 2)
     colour = {"resolved": "black", "series": "tab:red", "scale_split": "tab:blue"}
-    style = {s: l for s, l in zip(sorted({r["spacing"] for r in results}), ("-", "--", "-.", ":", (0, (1, 4))))}
+    rank = lambda r: sorted(q["spacing"] for q in results if q["contact"] == r["contact"]).index(r["spacing"])
+    style = lambda r: ("-", "--", "-.", ":")[min(rank(r), 3)]
     for r in results:
         label = f"{r['contact'].replace('_', ' ')}, {r['spacing']:.2g} mm"
-        damping.loglog(AMPLITUDES, 100 * r["damping"].clip(1e-8), color=colour[r["contact"]], ls=style[r["spacing"]], label=label)
-        frequency.semilogx(AMPLITUDES, r["curve"], color=colour[r["contact"]], ls=style[r["spacing"]], label=label)
+        damping.loglog(AMPLITUDES, 100 * r["damping"].clip(1e-8), color=colour[r["contact"]], ls=style(r), label=label)
+        frequency.semilogx(AMPLITUDES, r["curve"], color=colour[r["contact"]], ls=style(r), label=label)
     ticks = dict(xlabel="amplitude at the washer, um", xticks=AMPLITUDES, xticklabels=[f"{u:g}" for u in AMPLITUDES])
-    damping.set(ylabel="damping ratio by friction, %", **ticks)
+    damping.set(ylabel="damping ratio by friction, %", yticks=(0.1, 0.3, 1, 3), yticklabels=("0.1", "0.3", "1", "3"), **ticks)
     frequency.set(ylabel="frequency, Hz", **ticks)
     for axis in (damping, frequency):
         axis.minorticks_off()
