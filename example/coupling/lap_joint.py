@@ -96,7 +96,8 @@ def measure(program, work, contact, spacing, cell=CELL):
         pressure = raster.field(*contact_points(f, "preload/interface_1/pressure")) * 1e-6
         return dict(contact=contact, spacing=spacing, cell="" if contact == "resolved" else cell,
                     tied=f["model/tied_frequency"][MODE - 1], frequency=f["linear_modes/frequency"][:6],
-                    curve=level(q["frequency"][:]), damping=level(q["friction_damping_ratio"][:]), closed=(pressure > 0).sum() * raster.step**2,
+                    curve=level(q["frequency"][:]), damping=level(q["friction_damping_ratio"][:]),
+                    closed=(pressure > 0).sum() * raster.step**2,
                     pressure=pressure, squares=raster.means(pressure, 2.0))
 
 
