@@ -89,6 +89,8 @@ def measure(program, work, contact, spacing, cell=CELL):
         write_crown(work / "crown.h5")
     grid = f"_grid_{cell}" if cell != CELL else ""
     result = run(program, work, f"lap_{contact}_{spacing:.4f}{grid}", case_text(spacing, contact, cell))
+    if result is None:
+        raise SystemExit(1)
     raster = Raster((OVERLAP, WIDTH), lambda x, y: (abs(x) > BORE / 2) | (abs(y) > BORE / 2))
     with h5py.File(result) as f:
         q = f["qsma"]

@@ -34,7 +34,10 @@ def case_text(source, model, coupling, changes):
 
 
 def quasi_static(a, coupling):
-    return run(a.program, a.work, f"qsma_{coupling}", case_text("s4_qsma.nml", a.model, coupling, {}))
+    result = run(a.program, a.work, f"qsma_{coupling}", case_text("s4_qsma.nml", a.model, coupling, {}))
+    if result is None:
+        raise SystemExit(1)
+    return result
 
 
 def transient(a, coupling, k):
