@@ -33,6 +33,7 @@ contains
          & new_unittest('damping set on the preloaded mode', test_damping_reference), &
          & new_unittest('faults of the command line, all at once', test_option_faults), &
          & new_unittest('a case from model to results', test_run), &
+         & new_unittest('scale-split coupling, checked', test_scale_split), &
          & new_unittest('points that join are in the file', test_points_added), &
          & new_unittest('--check computes and writes nothing', test_check), &
          & new_unittest('wrong input: status 2, one message, no file', test_bad_input), &
@@ -207,7 +208,7 @@ contains
       integer :: k, unconverged
       character(len=*), parameter :: promised(*) = [character(len=40) :: '/setup/input', '/setup/resolved', &
          & '/timing/seconds', '/model/tied_frequency', '/model/modal_participation', '/interface_1/x', '/interface_1/y', &
-         & '/interface_1/height', '/interface_1/potential', '/preload/interface_1/pressure', &
+         & '/interface_1/height', '/interface_1/potential', '/interface_1/coupling/kind', '/preload/interface_1/pressure', &
          & '/preload/interface_1/traction_1', '/preload/interface_1/traction_2', '/preload/interface_1/gap', &
          & '/preload/interface_1/slip_ratio', '/linear_modes/frequency', '/transient/time', '/transient/sensor', &
          & '/transient/modal_displacement', '/transient/energy/kinetic', '/transient/energy/elastic', &
@@ -256,6 +257,28 @@ contains
       if (allocated(error)) return
       call check(error, input == case_text() .and. len(command) > 0, 'input or command line')
    end subroutine test_run
+
+   !> The coupling and what it was checked for are in the file; this pad has no room for the disc.
+   subroutine test_scale_split(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib, ignored
+      type(hdf5_file_t) :: file
+      character(len=:), allocatable :: kind(:)
+      real(wp) :: distance, radius
+
+      call write_blocks(density, lib)
+      if (.not. allocated(lib)) call run(case_text('nx = 8, ny = 6', "nx = 20, ny = 15, coupling = 'scale_split'"), lib)
+      if (.not. allocated(lib)) call file%open(result_path, lib)
+      if (.not. allocated(lib)) call file%read('/interface_1/coupling/kind', kind, lib)
+      if (.not. allocated(lib)) call file%read('/interface_1/coupling/node_distance', distance, lib)
+      if (.not. allocated(lib)) call file%read('/interface_1/coupling/disc_radius', radius, lib)
+      call file%close(ignored)
+      call clean_up()
+      call good(error, lib)
+      if (allocated(error)) return
+      ! Elements of 15 mm x 13.3 mm
+      call check(error, kind(1) == 'scale_split' .and. radius == 0.0_wp .and. abs(distance - sqrt(2.0e-4_wp)) < 1.0e-12_wp)
+   end subroutine test_scale_split
 
    !> A hard blow on the closed points alone: others join, and the file has the set as it is at the end.
    subroutine test_points_added(error)

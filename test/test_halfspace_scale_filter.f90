@@ -10,7 +10,8 @@ module test_halfspace_scale_filter
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: elastic_material, half_space_pair, material_t
    use microslip_halfspace_scale_filter, only: cell_areas, new_scale_filter, scale_filter_t
-   use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product
+   use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product, &
+      & new_nodal_response, nodal_response_t
    use microslip_linalg_dense, only: eigen_symmetric
    use support_checks, only: good
    use support_mesh, only: pad_size, pseudo_random, turn, two_blocks
@@ -203,6 +204,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(error_t), allocatable :: lib
       type(place_t) :: place
+      type(nodal_response_t) :: response
       real(wp), allocatable :: G(:, :), force(:, :), short(:, :), u(:, :), whole(:, :), u_n(:)
       integer, allocatable :: points(:)
       integer :: t, k
@@ -214,7 +216,8 @@ contains
          points = [(k, k=2, place%grid%point_count(), 3)]
          allocate (G(3*size(points), 3*size(points)), source=0.0_wp)
          call place%compliance%add_to_dense(points, G)
-         call add_split_to_dense(place%convolution, place%filter, points, G)
+         call new_nodal_response(place%convolution, place%filter, response)
+         call add_split_to_dense(place%filter, response, points, G)
          allocate (force(3, place%grid%point_count()), source=0.0_wp)
          force(:, points) = noise(size(points))
          allocate (u, whole, mold=force)
@@ -243,6 +246,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(error_t), allocatable :: lib
       type(place_t) :: place
+      type(nodal_response_t) :: response
       real(wp), allocatable :: G(:, :), values(:), wide(:)
       real(wp) :: largest
       integer :: t, k
@@ -257,7 +261,8 @@ contains
             call place%compliance%add_to_dense(points, G)
             wide = reshape(spread([1.0_wp, 0.0_wp, 0.0_wp], 2, size(points)), [size(G, 1)])
             largest = dot_product(wide, matmul(G, wide))
-            call add_split_to_dense(place%convolution, place%filter, points, G)
+            call new_nodal_response(place%convolution, place%filter, response)
+            call add_split_to_dense(place%filter, response, points, G)
          end associate
          call check(error, dot_product(wide, matmul(G, wide)) <= 0.01_wp*largest, 'even load')
          if (allocated(error)) return

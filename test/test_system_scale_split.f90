@@ -43,6 +43,7 @@ contains
          & new_unittest('operator = matrix', test_products), &
          & new_unittest('symmetric positive definite', test_definite), &
          & new_unittest('points left out follow the same law', test_everywhere), &
+         & new_unittest('matrices anew on other points', test_other_points), &
          & new_unittest('preload: operator = matrix', test_preload), &
          & new_unittest('half space made up again on a disc', test_identity)]
    end subroutine collect_system_scale_split
@@ -152,6 +153,23 @@ contains
       end do
       call check(error, maxval(abs(normal - everywhere(1, :))) <= rounding*maxval(abs(everywhere)), 'normal gap')
    end subroutine test_everywhere
+
+   !> What is kept from one choice of the points to the next changes nothing: the same bits as without.
+   subroutine test_other_points(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: once, again
+      integer :: k
+
+      call split_joint(compliance_dense, [11, 8], low, once, lib, leave_out=4)
+      if (.not. allocated(lib)) call split_joint(compliance_dense, [11, 8], low, again, lib, leave_out=3)
+      if (.not. allocated(lib)) call again%restrict([(mod(k, 4) /= 0, k=1, again%grid_point_count())], lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, all(shape(once%problem%G) == shape(again%problem%G)), 'points')
+      if (allocated(error)) return
+      call check(error, all(once%problem%G == again%problem%G), 'matrices')
+   end subroutine test_other_points
 
    subroutine test_preload(error)
       type(testing_error), allocatable, intent(out) :: error

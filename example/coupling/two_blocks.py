@@ -1,141 +1,114 @@
 #!/usr/bin/env python3
-"""Both couplings of half space and FE model against resolved FE contact: two pressed steel blocks.
+"""Both couplings of half space and FE model against resolved FE contact: two pressed blocks.
 
-    example/coupling/two_blocks.py --program MICROSLIP [--work FOLDER] [--coarse 4 2] [--resolved 2 1.33333333 1]
+    example/coupling/two_blocks.py --program MICROSLIP [--work FOLDER] [--cases hill bore ...]
 
-Two blocks of 48 x 32 mm, 12 and 16 mm high, with a square bore of 8 mm, bricks with incompatible modes; the lower one
-stands fixed, 6 kN press on the upper one's top, and 24 N along x shear it. Surfaces: flat, and a hill of
-12 um. Coarse FE meshes with a boundary-element grid and coupling = 'series' and 'scale_split', fine ones with contact at
-the FE nodes (grid = 'fe_nodes') as the reference. Writes table.csv and pressure.png into the work folder.
+The lower block stands fixed, a load presses on the upper one's top and a small one along x shears it. Coarse FE meshes with a
+boundary-element grid and coupling = 'series' and 'scale_split', fine ones with contact at the FE nodes (grid = 'fe_nodes') as
+the reference; the fine ones are halves, y > 0, held by stiff springs in the plane of symmetry. Writes a table and a picture
+per case into the work folder.
 """
 import argparse
-import csv
 import pathlib
-import subprocess
+from dataclasses import dataclass
 
 import h5py
 import numpy as np
-import scipy.sparse as sp
 
-MM = 1e-3
-SIZE, BORE, HEIGHTS = (48.0, 32.0), 8.0, (12.0, 16.0)          # mm: plan, bore, lower and upper block
-E, NU, RHO, FORCE, SHEAR = 194e9, 0.2854, 7861.0, 6000.0, 24.0
-CELLS = (60, 40)                                               # boundary-element grid, 0.8 mm
-SURFACES = ("flat", "hill")
-PATCH = 2.0                                                    # mm, pressures are compared as means over squares
-SPRING = 1e6                                                   # N/m, holds the upper block where nothing touches
+from blocks import ALUMINIUM, MM, STEEL, Body, Model, bored_plan, grid_plan, layers, lines
+from compare import Raster, contact_points, distance, run, write_table
+
+SPRING, WALL = 1e6, 1e12                       # N/m: all that holds the upper block where nothing touches; a symmetry node
 
 
-def layers(height, spacing):
-    """Thicknesses away from the interface: 0.75 of the spacing, growing by 1.35."""
-    n, first = 1, 0.75 * spacing
-    while first * (1.35**n - 1) / 0.35 < height:
-        n += 1
-    thickness = first * 1.35 ** np.arange(n)
-    return thickness * height / thickness.sum()
+@dataclass
+class Case:
+    """Blocks (lower, upper), surface, loads, and the meshes to compare."""
+    plan: tuple = (48.0, 32.0)                 # mm
+    lower_plan: tuple = None                   # mm, as the upper one
+    heights: tuple = (12.0, 16.0)              # mm
+    materials: tuple = (STEEL, STEEL)
+    bore: str = ""                             # '', 'square' of 8 mm or 'round' of radius 4 mm
+    wave: tuple = None                         # length along x, mm, and amplitude, um, of a surface of waves
+    hill: float = 0.0                          # um
+    force: float = 6000.0                      # N
+    friction: float = 0.6
+    steps: int = 1
+    resolved: tuple = (2.0, 4 / 3, 1.0, 2 / 3)
+    fine_y: float = 0.0                        # mm, spacing along y of resolved meshes with waves along x
+    coarse: tuple = ()                         # (FE spacing, cells) or (FE spacing, cells, 'C3D20')
+    split_only: tuple = ()                     # further ones, for 'scale_split' alone
+    square: float = 2.0                        # mm, pressures are compared as means over squares
 
 
-def brick(edge):
-    """Stiffness and mass of a rectangular brick with three incompatible modes per direction, condensed."""
-    corner = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
-    g = E / (2 * (1 + NU))
-    lame = 2 * g * NU / (1 - 2 * NU)
-    law = np.diag([2 * g] * 3 + [g] * 3) + np.pad(np.full((3, 3), lame), (0, 3))
-    volume = np.prod(edge) / 8
-    K, M = np.zeros((33, 33)), np.zeros((24, 24))
-    for at in corner / np.sqrt(3):
-        parts = 1 + at * corner
-        shape = parts.prod(axis=1) / 8
-        gradient = np.array([shape / parts[:, d] * corner[:, d] * 2 / edge[d] for d in range(3)])
-        bubble = np.diag(-2 * at * 2 / np.asarray(edge))
-        strain = np.zeros((6, 33))
-        for k, (x, y, z) in enumerate(np.vstack((gradient.T, bubble.T))):
-            strain[:, 3 * k:3 * k + 3] = [[x, 0, 0], [0, y, 0], [0, 0, z], [y, x, 0], [0, z, y], [z, 0, x]]
-        K += volume * strain.T @ law @ strain
-        M += volume * RHO * np.kron(np.outer(shape, shape), np.eye(3))
-    return K[:24, :24] - K[:24, 24:] @ np.linalg.solve(K[24:, 24:], K[24:, :24]), M
+WAVE_MESHES = dict(plan=(24.0, 8.0), heights=(8.0, 8.0), force=2000.0, resolved=(0.5, 0.25, 0.125), fine_y=1.0,
+                   coarse=((4.0, (144, 12)), (2.0, (144, 12))))
+CASES = {
+    "flat": Case(bore="square", resolved=(2.0, 4 / 3, 1.0), coarse=((4.0, (48, 32)), (2.0, (48, 32))), split_only=((2.0, (60, 40)),)),
+    "hill": Case(bore="square", hill=12.0, coarse=((4.0, (72, 48)), (4.0, (72, 48), "C3D20"), (2.0, (72, 48))),
+                 split_only=((2.0, (48, 32)), (2.0, (60, 40)), (4.0, (96, 64)), (2.0, (96, 64)), (4 / 3, (96, 64)))),
+    "long waves": Case(wave=(8.0, 0.96), **WAVE_MESHES),
+    "short waves": Case(wave=(2.0, 0.24), **WAVE_MESHES),
+    "round bore": Case(plan=(32.0, 32.0), heights=(10.0, 12.0), bore="round", hill=6.0, force=5000.0,
+                       resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 48)), (2.0, (48, 48)))),
+    "steel on aluminium": Case(plan=(32.0, 24.0), heights=(10.0, 10.0), materials=(ALUMINIUM, STEEL), hill=4.0, force=4000.0,
+                               friction=0.3, steps=4, resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 36)), (2.0, (48, 36)))),
+    "unequal blocks": Case(plan=(32.0, 24.0), lower_plan=(48.0, 40.0), heights=(14.0, 8.0), hill=4.0, force=4000.0,
+                           resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 36)), (2.0, (48, 36)))),
+}
 
 
-def write_matrix(group, matrix, units):
-    upper = sp.triu(matrix, format="csr")
-    upper.sort_indices()
-    step = np.diff(upper.indices, prepend=0)
-    step[upper.indptr[:-1]] = 0
-    for name, data, unit in (("row_length", np.diff(upper.indptr).astype("i4"), "1"),
-                             ("column_step", step.astype("i4"), "1"), ("value", upper.data, units)):
-        group.create_dataset(name, data=data, compression="gzip", compression_opts=1, shuffle=True).attrs["units"] = unit
+def plan_mesh(case, size, spacing, half):
+    x = lines(-size[0] / 2, size[0] / 2, spacing)
+    y = lines(-size[1] / 2, size[1] / 2, max(spacing, case.fine_y) if half else spacing)
+    if case.bore == "round":
+        plan = bored_plan(x, y, 4.0, spacing)
+    else:
+        plan = grid_plan(x, y)
+        if case.bore:
+            plan = plan.keep(lambda a, b: (abs(a) > 4) | (abs(b) > 4))
+    return plan.keep(lambda a, b: b > 0) if half else plan
 
 
-def write_model(path, spacing):
-    """Both blocks with elements of about `spacing` mm in the plane of the joint."""
-    nx, ny = round(SIZE[0] / spacing), round(SIZE[1] / spacing)
-    if any(abs(d / spacing - round(d / spacing)) > 1e-4 for d in (*SIZE, (SIZE[0] - BORE) / 2, (SIZE[1] - BORE) / 2)):
-        raise SystemExit(f"FE spacing {spacing} mm: the mesh does not meet the edges of block and bore")
-    x, y = np.linspace(-SIZE[0] / 2, SIZE[0] / 2, nx + 1), np.linspace(-SIZE[1] / 2, SIZE[1] / 2, ny + 1)
-    middle = lambda a: 0.5 * (a[1:] + a[:-1])
-    solid = ~((np.abs(middle(x))[:, None] < BORE / 2) & (np.abs(middle(y))[None, :] < BORE / 2))
-    points, bricks, sets, edges = [], [], {}, []
-    first = 0
-    for name, sign, height in (("lower", -1, HEIGHTS[0]), ("upper", 1, HEIGHTS[1])):
-        z = np.concatenate(([0.0], np.cumsum(layers(height, spacing)))) * sign
-        z.sort()
-        index = -np.ones((nx + 1, ny + 1, len(z)), int)
-        i, j = np.nonzero(solid)
-        for k in range(len(z) - 1):
-            for a, b, c in np.ndindex(2, 2, 2):
-                index[i + a, j + b, k + c] = 0
-        used = np.argwhere(index.transpose(2, 1, 0) == 0)[:, ::-1]
-        index[tuple(used.T)] = first + np.arange(len(used))
-        points.append(np.column_stack((x[used[:, 0]], y[used[:, 1]], z[used[:, 2]])))
-        joint, far = (len(z) - 1, 0) if sign < 0 else (0, len(z) - 1)
-        sets[f"{name}_pad"] = index[:, :, joint][index[:, :, joint] >= 0]
-        sets[f"{name}_end"] = index[:, :, far][index[:, :, far] >= 0]
-        for k in range(len(z) - 1):
-            c = [index[i + a, j + b, k + d] for d in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
-            bricks.append(np.column_stack(c))
-            edges.append((x[1] - x[0], y[1] - y[0], z[k + 1] - z[k]))
-        first += len(used)
-    points = np.vstack(points) * MM
-    n = 3 * len(points)
-    K, M = sp.csr_matrix((n, n)), sp.csr_matrix((n, n))
-    for connectivity, edge in zip(bricks, edges):
-        k, m = brick(np.array(edge) * MM)
-        rows = (3 * connectivity[:, :, None] + np.arange(3)).reshape(len(connectivity), 24)
-        at = np.repeat(rows, 24, axis=1).ravel(), np.tile(rows, 24).ravel()
-        K += sp.coo_matrix((np.tile(k.ravel(), len(rows)), at), (n, n)).tocsr()
-        M += sp.coo_matrix((np.tile(m.ravel(), len(rows)), at), (n, n)).tocsr()
-    spring = np.zeros(n)
-    spring.reshape(-1, 3)[sets["upper_end"]] = SPRING / len(sets["upper_end"])
-    K += sp.diags(spring)
-    free = np.ones((len(points), 3), bool)
-    free[sets["lower_end"]] = False
-    rows = np.flatnonzero(free)
-    with h5py.File(path, "w") as f:
-        f.attrs["format"], f.attrs["format_version"] = "microslip model", 1
-        f["coordinates"], f["node_label"] = points, np.arange(1, len(points) + 1)
-        f["elements/C3D8I"] = np.vstack(bricks) + 1
-        for name, nodes in sets.items():
-            f[f"node_sets/{name}"] = np.sort(nodes) + 1
-        f["rows/node"], f["rows/component"] = rows // 3 + 1, rows % 3 + 1
-        write_matrix(f.create_group("stiffness"), K[rows][:, rows], "N/m")
-        write_matrix(f.create_group("mass"), M[rows][:, rows], "kg")
-        f["mass"].attrs["form"] = "rows"
+def build(case, spacing, half, quadratic=False):
+    """The model of both blocks, with elements of about `spacing` mm in the plane of the joint."""
+    first = 0.75 * spacing
+    lower = Body(plan_mesh(case, case.lower_plan or case.plan, spacing, half), -layers(case.heights[0], first)[::-1],
+                 case.materials[0], quadratic)
+    upper = Body(plan_mesh(case, case.plan, spacing, half), layers(case.heights[1], first), case.materials[1], quadratic)
+    model = Model([lower, upper])
+    a, b = (s / 2 + 1e-6 for s in case.plan)
+    for k, (name, far) in enumerate((("lower", -case.heights[0]), ("upper", case.heights[1]))):
+        model.name(f"{name}_pad", k, lambda x, y, z: (abs(z) < 1e-6) & (abs(x) < a) & (abs(y) < b))
+        model.name(f"{name}_end", k, lambda x, y, z: abs(z - far) < 1e-6)
+        if half:
+            model.name(f"{name}_middle", k, lambda x, y, z: abs(y) < 1e-6)
+            model.ground(f"{name}_middle", WALL * len(model.sets[f"{name}_middle"]), (1,))
+    model.fix("lower_end")
+    model.ground("upper_end", SPRING / (2 if half else 1))
+    return model
 
 
-def case_text(spacing, kind, surface):
-    where = "grid = 'fe_nodes'" if kind == "resolved" else \
-        f"nx = {CELLS[0]}, ny = {CELLS[1]}, young_modulus = {E}, poisson_ratio = {NU}, coupling = '{kind}'"
-    topography = {"flat": "source = 'flat'", "hill": "source = 'hill', height = 12e-6"}[surface]
-    return f"""&case title = 'two blocks', analyses = 'preload', 'linear_modes', 'transient' /
-&model source = 'hdf5', file = 'blocks_{spacing:.4f}.h5' /
-&interface name = 'joint', side_a = 'upper_pad', side_b = 'lower_pad', friction = 0.6, {where} /
+def interface(case, contact, cells):
+    """Keys of &interface: contact points and coupling."""
+    if contact == "resolved":
+        return "grid = 'fe_nodes'"
+    young, poisson = (", ".join(str(case.materials[k][m]) for k in (1, 0)) for m in (0, 1))
+    holes = ", holes = 0, 0, 4e-3" if case.bore == "round" else ""
+    return f"nx = {cells[0]}, ny = {cells[1]}, young_modulus = {young}, poisson_ratio = {poisson}, coupling = '{contact}'{holes}"
+
+
+def case_text(case, model, where, half, topography):
+    share = 0.5 if half else 1.0
+    return f"""&case title = 'two blocks', analyses = 'preload', 'transient' /
+&model source = 'hdf5', file = '{model}.h5' /
+&interface name = 'joint', side_a = 'upper_pad', side_b = 'lower_pad', axis_1 = 1, 0, 0, friction = {case.friction}, {where} /
 &topography {topography} /
-&reduction n_modes = 12, cache = 'blocks_{spacing:.4f}.cache' /
-&load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {FORCE}, distribution = 'area' /
-&load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {SHEAR}, distribution = 'area' /
-&preload loads = 'press', 'shear', load_scale = 1.0, 1.0 /
-&linear_modes n_modes = 6 /
-&contact tolerance = 1e-7{"" if kind == "resolved" else ", compliance = 'fft'"} /
+&reduction n_modes = 8, cache = '{model}.cache' /
+&load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {case.force * share}, distribution = 'area' /
+&load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {0.004 * case.force * share}, distribution = 'area' /
+&preload loads = 'press', 'shear', load_scale = 1.0, 1.0, steps = {case.steps} /
+&contact tolerance = 1e-7, compliance = 'dense' /
 ! One step of nothing: its first sample is the preload, at the sensors
 &transient time_step = 1e-8, duration = 2e-8 /
 &excitation load = 'shear', kind = 'half_sine', amplitude = 1e-9, duration = 1e-8 /
@@ -143,93 +116,97 @@ def case_text(spacing, kind, surface):
 """
 
 
-def pressure_map(f):
-    """Pressure on a raster of 0.1 mm, every contact point with the rectangle that belongs to it."""
-    raster = 0.1
-    x = np.arange(-SIZE[0] / 2 + raster / 2, SIZE[0] / 2, raster)
-    y = np.arange(-SIZE[1] / 2 + raster / 2, SIZE[1] / 2, raster)
-    px, py = f["interface_1/x"][:] / MM, f["interface_1/y"][:] / MM
-    p = f["preload/interface_1/pressure"][:]
-    if p.ndim == 1:
-        ux, uy = np.unique(px.round(6)), np.unique(py.round(6))
-        table = np.zeros((len(uy), len(ux)))
-        table[np.searchsorted(uy, py.round(6)), np.searchsorted(ux, px.round(6))] = p
-        px, py, p = ux, uy, table
-    nearest = lambda grid, at: np.abs(grid[None, :] - at[:, None]).argmin(axis=1)
-    fine = np.nan_to_num(p)[np.ix_(nearest(py, y), nearest(px, x))]
-    fine[(np.abs(y)[:, None] < BORE / 2) & (np.abs(x)[None, :] < BORE / 2)] = 0.0
-    return fine
+def height(case, x, y):
+    """The surface at x, y (mm), in m: waves along x, or a raised cosine down to the corners of the pad."""
+    if case.wave:
+        return case.wave[1] * 1e-6 * np.cos(2 * np.pi * x / case.wave[0]) + 0 * y
+    return case.hill * 1e-6 * np.cos(np.pi * np.hypot(x, y) / np.hypot(*case.plan)) ** 2
 
 
-def means(fine):
-    n = round(PATCH / 0.1)
-    return fine.reshape(fine.shape[0] // n, n, fine.shape[1] // n, n).mean(axis=(1, 3))
+def surface(case, work, name, half):
+    """The surface as a file; its coordinates count from the middle of the pad, or of the half pad."""
+    path = work / f"{name.replace(' ', '_')}{'_half' if half else ''}_surface.h5"
+    if not path.exists():
+        x, y = (np.linspace(-0.51 * s, 0.51 * s, n) for s, n in zip(case.plan, (1601, 5 if case.wave else 801)))
+        with h5py.File(path, "w") as f:
+            f["x"], f["y"] = x * MM, (y - case.plan[1] / 4 * half) * MM
+            f["z"] = height(case, x[:, None], y[None, :])
+    return f"source = 'file', file = '{path.name}', sense = 'height', unit_length = 'm'"
 
 
-def run(program, work, spacing, kind, surface):
-    name = f"{surface}_{kind}_{spacing:.4f}"
-    model = work / f"blocks_{spacing:.4f}.h5"
-    if not model.exists():
-        write_model(model, spacing)
-    result = work / f"{name}.h5"
-    if not result.exists():
-        (work / f"{name}.nml").write_text(case_text(spacing, kind, surface))
-        log = subprocess.run([program, "--output", result.name, f"{name}.nml"], cwd=work, text=True, capture_output=True)
-        (work / f"{name}.log").write_text(log.stdout + log.stderr)
-        if log.returncode:
-            raise SystemExit(f"{name}: {log.stderr}")
+def measure(program, work, name, case, spacing, contact, cells=None, kind="C3D8I"):
+    half = contact == "resolved"
+    model = f"{name}_{kind}_{spacing:.4f}{'_half' if half else ''}".replace(" ", "_")
+    if not (work / f"{model}.h5").exists():
+        build(case, spacing, half, kind == "C3D20").write(work / f"{model}.h5")
+    label = f"{model}_{contact}" + (f"_{cells[0]}" if cells else "")
+    result = run(program, work, label, case_text(case, model, interface(case, contact, cells), half, surface(case, work, name, half)))
+    if result is None:
+        return None
     with h5py.File(result) as f:
-        fine, moved = pressure_map(f), f["transient/sensor"][0]
-        return dict(spacing=spacing, kind=kind, surface=surface, fine=fine, patches=means(fine),
-                    normal=FORCE / moved[0], tangential=SHEAR / moved[1], closed=(fine > 0).sum() * 0.01,
-                    frequency=f["linear_modes/frequency"][:6], force=fine.sum() * 1e-8)
+        x, y, p = contact_points(f, "preload/interface_1/pressure")
+        origin = f["interface_1/origin"][:] / MM
+        moved, points = f["transient/sensor"][0], int(f["model/contact_points"][()])
+    inside = {"": lambda a, b: a < 1e9, "round": lambda a, b: a**2 + b**2 > 16,
+            "square": lambda a, b: (abs(a) > 4) | (abs(b) > 4)}[case.bore]
+    raster = Raster(case.plan, inside)
+    place = x + origin[0], y + origin[1]
+    # The program lets the highest points touch: what they are below the true summit belongs to the approach.
+    moved[0] += height(case, raster.x[raster.inside], raster.y[raster.inside]).max() - height(case, *place).max()
+    fine, smooth = raster.field(*place, p), raster.field(*place, p, smooth=True)
+    return dict(case=name, contact=contact, elements=kind, spacing=spacing, cells=cells, points=points,
+                normal=case.force / moved[0], tangential=0.004 * case.force / moved[1], closed=(fine > 0).sum() * 0.01,
+                carried=fine.sum() * 1e-8 / case.force, fine=fine, smooth=smooth, squares=raster.means(fine, case.square))
+
+
+def row(r, reference):
+    off = lambda key: f"{r[key] / reference[key] - 1:+.4f}"
+    return {"case": r["case"], "contact": r["contact"], "elements": r["elements"], "fe_spacing_mm": f"{r['spacing']:.4f}",
+            "cells": "x".join(map(str, r["cells"])) if r["cells"] else "", "points_in_potential_contact": r["points"],
+            "normal_N_per_um": f"{r['normal'] * 1e-6:.2f}", "normal_deviation": off("normal"),
+            "tangential_N_per_um": f"{r['tangential'] * 1e-6:.2f}", "tangential_deviation": off("tangential"),
+            "closed_mm2": f"{r['closed']:.1f}", "closed_deviation": off("closed"),
+            "pressure_deviation_squares": f"{distance(r['squares'], reference['squares']):.4f}",
+            "pressure_deviation_points": f"{distance(r['smooth'], reference['smooth']):.4f}",
+            "pressure_deviation_cells": f"{distance(r['fine'], reference['fine']):.4f}",
+            "force_in_raster": f"{r['carried']:.4f}"}
+
+
+def draw(path, name, case, results):
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    same = lambda r: r["elements"] == "C3D8I" and r["cells"] in (None, case.coarse[-1][1])
+    shown = [[r for r in results if r["contact"] == c and same(r)][-1] for c in ("resolved", "series", "scale_split")]
+    size, top = case.plan, np.quantile(shown[0]["smooth"], 0.995) * 1e-6
+    figure, axes = plt.subplots(1, len(shown), figsize=(11, 0.9 + 3.3 * size[1] / size[0]), squeeze=False, layout="constrained")
+    for axis, r in zip(axes[0], shown):
+        image = axis.imshow(r["fine"] * 1e-6, origin="lower", vmin=0, vmax=top, cmap="inferno",
+                            extent=(-size[0] / 2, size[0] / 2, -size[1] / 2, size[1] / 2))
+        axis.set_title(f"{name}: {r['contact'].replace('_', ' ')}, FE {r['spacing']:.3g} mm", fontsize=9)
+    figure.colorbar(image, ax=axes[0], label="pressure, MPa")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--program", required=True, type=lambda p: str(pathlib.Path(p).resolve()))
     arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("two_blocks"))
-    arguments.add_argument("--coarse", type=float, nargs="+", default=[4.0, 2.0])
-    arguments.add_argument("--resolved", type=float, nargs="+", default=[2.0, 4 / 3, 1.0])
-    arguments.add_argument("--surfaces", nargs="+", choices=SURFACES, default=SURFACES)
+    arguments.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     a = arguments.parse_args()
     a.work.mkdir(exist_ok=True)
-    results = [run(a.program, a.work, h, kind, surface) for surface in a.surfaces
-               for kind, spacings in (("resolved", a.resolved), ("series", a.coarse), ("scale_split", a.coarse))
-               for h in spacings]
-    with open(a.work / "table.csv", "w", newline="") as out:
-        table = csv.writer(out)
-        table.writerow(["surface", "contact", "fe_spacing_mm", "normal_N_per_um", "normal_deviation", "tangential_N_per_um",
-                        "tangential_deviation", "closed_mm2",
-                        "closed_deviation", "pressure_deviation_squares", "pressure_deviation_points"] + [f"f{k}_Hz" for k in range(1, 7)])
-        for r in results:
-            reference = [s for s in results if s["surface"] == r["surface"] and s["kind"] == "resolved"][-1]
-            off = lambda key: r[key] / reference[key] - 1
-            field = lambda key: np.linalg.norm(r[key] - reference[key]) / np.linalg.norm(reference[key])
-            table.writerow([r["surface"], r["kind"], f"{r['spacing']:.3f}", f"{r['normal'] * 1e-6:.1f}",
-                            f"{off('normal'):+.4f}", f"{r['tangential'] * 1e-6:.1f}", f"{off('tangential'):+.4f}",
-                            f"{r['closed']:.0f}", f"{off('closed'):+.4f}",
-                            f"{field('patches'):.4f}", f"{field('fine'):.4f}"]
-                           + [f"{f:.0f}" for f in r["frequency"]])
-    print((a.work / "table.csv").read_text())
-    draw(a, results)
-
-
-def draw(a, results):
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-    columns = [("resolved", a.resolved[-1]), ("series", a.coarse[-1]), ("scale_split", a.coarse[-1])]
-    figure, axes = plt.subplots(len(a.surfaces), 3, figsize=(10, 2.4 * len(a.surfaces)), squeeze=False, layout="constrained")
-    for row, surface in zip(axes, a.surfaces):
-        shown = [next(r for r in results if (r["surface"], r["kind"], r["spacing"]) == (surface, *c)) for c in columns]
-        top = np.quantile(shown[0]["fine"], 0.995) * 1e-6
-        for axis, r in zip(row, shown):
-            image = axis.imshow(r["fine"] * 1e-6, origin="lower", vmin=0, vmax=top, cmap="inferno",
-                                extent=(-SIZE[0] / 2, SIZE[0] / 2, -SIZE[1] / 2, SIZE[1] / 2))
-            axis.set_title(f"{surface}: {r['kind'].replace('_', ' ')}, FE {r['spacing']:.2g} mm", fontsize=9)
-        figure.colorbar(image, ax=row, label="pressure, MPa")
-    figure.savefig(a.work / "pressure.png", dpi=110)
+    for name in a.cases:
+        case = CASES[name]
+        results = [measure(a.program, a.work, name, case, h, "resolved") for h in case.resolved]
+        results += [measure(a.program, a.work, name, case, mesh[0], coupling, *mesh[1:]) for coupling, meshes in
+                    (("series", case.coarse), ("scale_split", case.coarse + case.split_only)) for mesh in meshes]
+        results = [r for r in results if r]
+        reference = [r for r in results if r["contact"] == "resolved"][-1]
+        stem = a.work / name.replace(" ", "_")
+        write_table(stem.with_suffix(".csv"), [row(r, reference) for r in results])
+        print(stem.with_suffix(".csv").read_text(), flush=True)
+        draw(stem.with_suffix(".png"), name, case, results)
 
 
 if __name__ == "__main__":

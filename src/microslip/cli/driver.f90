@@ -2,6 +2,7 @@
 module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
+   use microslip_cli_coupling_report, only: report_mesh
    use microslip_cli_demand, only: check_demand, check_grids, estimate_demand, in_words
    use microslip_cli_log, only: log_t
    use microslip_cli_restart, only: open_results
@@ -78,6 +79,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(run_t), target :: run
       type(fe_model_t) :: model
+      integer :: k
 
       run%log = log_t(quiet=line%quiet, verbose=line%verbose)
       call run%clock%start()
@@ -96,6 +98,10 @@ contains
       call run%clock%stop('read')
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
+      do k = 1, size(run%scene%pads)
+         if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &
+            & call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
+      end do
       call check_demand(run%demand, output_path(run%case, line), error)
       if (allocated(error) .or. line%check) return
       call compute(run, line, command, error)

@@ -11,6 +11,8 @@ module microslip_cli_log
 
    type :: log_t
       logical :: quiet = .false., verbose = .false.
+      !> Where it goes
+      integer :: unit = output_unit
    contains
       procedure :: title
       procedure :: line
@@ -24,15 +26,15 @@ contains
    subroutine title(self, text)
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
-      if (.not. self%quiet) write (output_unit, '(a)') text
+      if (.not. self%quiet) write (self%unit, '(a)') text
    end subroutine title
 
    !> A line of the log.
    subroutine line(self, text)
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
-      if (.not. self%quiet) write (output_unit, '(2x,a)') text
-      flush (output_unit)
+      if (.not. self%quiet) write (self%unit, '(2x,a)') text
+      flush (self%unit)
    end subroutine line
 
    !> Numbers that only the verbose log has.
@@ -40,7 +42,7 @@ contains
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
       real(wp), intent(in) :: values(:)
-      if (self%verbose) write (output_unit, '(2x,a,*(1x,g0.8))') text, values
+      if (self%verbose) write (self%unit, '(2x,a,*(1x,g0.8))') text, values
    end subroutine detail
 
    !> Wall seconds of the stages.

@@ -5,6 +5,7 @@ module microslip_cli_scene
    use microslip_core_text, only: to_text
    use microslip_fe_element, only: cross_product
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
+   use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_model_check, only: check_model
@@ -39,6 +40,8 @@ module microslip_cli_scene
    type :: scene_t
       type(fe_model_t) :: model
       type(pad_t), allocatable :: pads(:)
+      !> (pads) FE meshes at the interfaces
+      type(interface_mesh_t), allocatable :: meshes(:)
       !> (rows, loads with a force pattern + sensors) N per unit amplitude; sensor rows
       real(wp), allocatable :: patterns(:, :)
       !> (case loads) index of the load in the system: those with a force pattern, the initial pressure if there is one,
@@ -100,10 +103,11 @@ contains
 
       call read_model(case, scene%model, error)
       if (allocated(error)) return
-      allocate (scene%pads(size(case%interfaces)))
+      allocate (scene%pads(size(case%interfaces)), scene%meshes(size(case%interfaces)))
       do k = 1, size(case%interfaces)
          call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), error)
          if (allocated(error)) return
+         scene%meshes(k) = measure_interface_mesh(scene%model, scene%pads(k)%contact)
       end do
       call check_modes(case, scene, error)
       if (.not. allocated(error)) call build_patterns(case, scene, error)

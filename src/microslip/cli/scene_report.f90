@@ -9,7 +9,6 @@ module microslip_cli_scene_report
    use microslip_cli_scene, only: scene_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_io_case, only: case_t
    use microslip_system_compliance_choice, only: why_form
    use microslip_system_pad, only: pad_t
@@ -41,7 +40,6 @@ contains
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
                & //to_text(size(pad%contact%faces, 2))//' faces; '//points_of(pad)//'; '//surface_of(pad)//'; friction ' &
                & //to_text(pad%friction))
-            call report_mesh(log, pad, measure_interface_mesh(scene%model, pad%contact))
          end associate
       end do
       call report_cost(log, case, scene, demand)
@@ -72,33 +70,6 @@ contains
       text = 'height range '//to_text(-1.0e6_wp*minval(pad%height), 4)//' um'
       if (pad%initial_pressure > 0.0_wp) text = 'initial pressure '//to_text(pad%initial_pressure, 6)//' Pa'
    end function surface_of
-
-   !> How the FE mesh and the grid go together, and what the scale-split coupling asks of them.
-   subroutine report_mesh(log, pad, mesh)
-      type(log_t), intent(in) :: log
-      type(pad_t), intent(in) :: pad
-      type(interface_mesh_t), intent(in) :: mesh
-      !> FE node distance over cell width, at least; thickness of the first layer over FE node distance, at most
-      real(wp), parameter :: coarse_enough = 2.5_wp, thin_enough = 1.0_wp
-      !> Meshes are not built to the last digit.
-      real(wp), parameter :: tolerance = 1.0e-3_wp
-      real(wp) :: cells, layers
-      character(len=:), allocatable :: place
-
-      if (.not. pad%half_space) return
-      place = "interface '"//pad%contact%name//"': "
-      cells = mesh%spacing/max(pad%grid%dx, pad%grid%dy)
-      layers = maxval(mesh%layer)/mesh%spacing
-      call log%line(place//'FE nodes '//to_text(1.0e3_wp*mesh%spacing, 3)//' mm apart ('//to_text(cells, 3) &
-         & //' cells), first layer of elements '//to_text(1.0e3_wp*maxval(mesh%layer), 3)//' mm ('//to_text(layers, 3) &
-         & //' of that); coupling: '//trim(merge('split by scale', 'in series     ', allocated(pad%filter))))
-      if (.not. allocated(pad%filter)) return
-      if (cells < coarse_enough*(1.0_wp - tolerance)) call log%line('warning, '//place//'the FE nodes are '//to_text(cells, 3) &
-         & //' cells apart, the scale-split coupling wants '//to_text(coarse_enough)//' at least: refine the grid (nx, ny)')
-      if (layers > thin_enough*(1.0_wp + tolerance)) call log%line('warning, '//place//'the first layer of elements is ' &
-         & //to_text(layers, 3)//' times as thick as its nodes are apart, the scale-split coupling wants 1 at most: make it ' &
-         & //'thinner (0.6 is good)')
-   end subroutine report_mesh
 
    !> Sizes, memory, disk, and time as an order of magnitude.
    subroutine report_cost(log, case, scene, demand)

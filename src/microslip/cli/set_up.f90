@@ -1,6 +1,7 @@
 !> From the scene to the system that the analyses see: reduction, potential contact set, contact matrices.
 module microslip_cli_set_up
    use microslip_analysis_potential_set, only: choose_potential_set
+   use microslip_cli_coupling_report, only: report_estimate
    use microslip_cli_restart, only: take_run_back
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
    use microslip_cli_scene, only: add_motions
@@ -8,8 +9,8 @@ module microslip_cli_set_up
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_fe_reduction, only: reduction_options_t, reduce
+   use microslip_io_coupling_results, only: write_couplings
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
    use microslip_system_compliance_choice, only: compliance_fft, compliance_named, why_form
    use microslip_system_coupling_error, only: coupling_error_t, estimate_coupling_error
@@ -63,12 +64,13 @@ contains
       type(run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: margin(:)
+      type(coupling_error_t), allocatable :: estimates(:)
       logical, allocatable :: everything(:)
       integer :: k
 
       call new_system(run%reduced, run%scene%pads, run%scene%n_pattern_loads, damping(run), run%system, error)
       if (allocated(error)) return
-      call report_coupling(run, error)
+      call try_couplings(run, estimates, error)
       if (allocated(error)) return
       call add_motions(run%case, run%system)
       run%system%compliance = compliance_named(run%case%contact%compliance, run%case%contact%solver, &
@@ -92,35 +94,28 @@ contains
       call run%log%line('contact: '//to_text(run%system%problem%n_points)//' of ' &
          & //to_text(run%system%grid_point_count())//' grid points in potential contact; compliance: ' &
          & //why_form(allocated(run%system%problem%compliance), 3.0_wp*run%system%problem%n_points))
-      if (.not. allocated(run%checkpoint%run)) call write_system(run, error)
+      if (.not. allocated(run%checkpoint%run)) then
+         call write_system(run, error)
+         if (.not. allocated(error)) call write_couplings(run%results%file, run%system%pads, run%scene%meshes, estimates, error)
+      end if
       call run%clock%stop('write')
    end subroutine build_system
 
-   !> The scale-split coupling's estimate of its own error.
-   subroutine report_coupling(run, error)
+   !> The scale-split coupling's estimates of its own error.
+   subroutine try_couplings(run, estimates, error)
       type(run_t), intent(in) :: run
+      !> (pads)
+      type(coupling_error_t), allocatable, intent(out) :: estimates(:)
       type(error_t), allocatable, intent(out) :: error
-      type(interface_mesh_t) :: mesh
-      type(coupling_error_t) :: estimate
       integer :: k
 
-      do k = 1, size(run%system%pads)
-         associate (pad => run%system%pads(k))
-            if (.not. allocated(pad%filter)) cycle
-            mesh = measure_interface_mesh(run%scene%model, pad%contact)
-            call estimate_coupling_error(run%system, k, mesh%spacing, estimate, error)
-            if (allocated(error)) return
-            if (estimate%radius > 0.0_wp) then
-               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling against the half space on a disc of " &
-                  & //to_text(1.0e3_wp*estimate%radius, 3)//' mm radius: deviation '//to_text(1.0e2_wp*estimate%deviation(1), 2) &
-                  & //' % along n, '//to_text(1.0e2_wp*estimate%deviation(2), 2)//' % along t1, ' &
-                  & //to_text(1.0e2_wp*estimate%deviation(3), 2)//' % along t2')
-            else
-               call run%log%line("interface '"//pad%contact%name//"': scale-split coupling: the pad has no room for a disc of " &
-                  & //'three FE node distances, no estimate of its error')
-            end if
-         end associate
+      allocate (estimates(size(run%system%pads)))
+      do k = 1, size(estimates)
+         if (.not. allocated(run%system%pads(k)%filter)) cycle
+         call estimate_coupling_error(run%system, k, run%scene%meshes(k)%spacing, estimates(k), error)
+         if (allocated(error)) return
+         call report_estimate(run%log, run%system%pads(k), estimates(k))
       end do
-   end subroutine report_coupling
+   end subroutine try_couplings
 
 end module microslip_cli_set_up

@@ -13,7 +13,15 @@ module microslip_halfspace_split_compliance
    implicit none(type, external)
    private
 
-   public :: local_product, local_normal_product, add_split_to_dense
+   public :: local_product, local_normal_product, nodal_response_t, new_nodal_response, add_split_to_dense
+
+   !> What unit forces of the nodes, spread by T^T, do on the half space, m/N. It does not depend on the choice of points.
+   type :: nodal_response_t
+      !> Q^T = C T^T, (3 grid points, 3 nodes)
+      real(wp), allocatable :: at_points(:, :)
+      !> Q T^T, (3 nodes, 3 nodes)
+      real(wp), allocatable :: at_nodes(:, :)
+   end type nodal_response_t
 
 contains
 
@@ -59,54 +67,19 @@ contains
       end if
    end subroutine local_normal_product
 
-   !> g <- g + C_s - C on a subset of the points: what the filter takes from the dense half space there. The averages go over
-   !> all points of the grid. One product by FFT for every node and direction, then sparse sums.
-   subroutine add_split_to_dense(convolution, filter, points, g)
+   !> The half space under unit forces of the nodes: one product by FFT for every node and direction.
+   subroutine new_nodal_response(convolution, filter, response)
       !> C
       type(convolution_t), intent(in) :: convolution
       type(scale_filter_t), intent(in) :: filter
-      !> Point numbers of rows and columns
-      integer, intent(in) :: points(:)
-      !> (3 points, 3 points) m/N
-      real(wp), intent(inout), contiguous :: g(:, :)
-      real(wp), allocatable :: at_points(:, :), at_nodes(:, :), column(:, :), nodal(:, :)
-      integer :: l, m, c, first
-
-      allocate (at_points(3*size(points), 3*filter%hats%pairs), at_nodes(3*filter%hats%pairs, 3*filter%hats%pairs))
-      call nodal_responses(convolution, filter, points, at_points, at_nodes)
-      !$omp parallel default(none) shared(filter, points, g, at_points, at_nodes) private(l, m, c, first, column, nodal)
-      allocate (column(3*size(points), 3), nodal(3*filter%hats%pairs, 3))
-      !$omp do schedule(static)
-      do l = 1, size(points)
-         nodal = -transpose(at_points(3*l - 2:3*l, :))
-         column = 0.0_wp
-         do m = filter%hats%start(points(l)), filter%hats%start(points(l) + 1) - 1
-            first = 3*filter%hats%pair(m) - 3
-            do c = 1, 3
-               nodal(:, c) = nodal(:, c) + filter%hats%weight(m)*at_nodes(:, first + c)
-               column(:, c) = column(:, c) - filter%hats%weight(m)*at_points(:, first + c)
-            end do
-         end do
-         call filter%hats%interpolate_columns(points, nodal, column)
-         g(:, 3*l - 2:3*l) = g(:, 3*l - 2:3*l) + column
-      end do
-      !$omp end do
-      !$omp end parallel
-   end subroutine add_split_to_dense
-
-   !> Q^T = C T^T on some points and Q T^T at the nodes: what unit forces of the nodes do on the half space.
-   subroutine nodal_responses(convolution, filter, points, at_points, at_nodes)
-      type(convolution_t), intent(in) :: convolution
-      type(scale_filter_t), intent(in) :: filter
-      integer, intent(in) :: points(:)
-      !> (3 points, 3 nodes) m/N
-      real(wp), intent(out) :: at_points(:, :)
-      !> (3 nodes, 3 nodes) m/N
-      real(wp), intent(out) :: at_nodes(:, :)
+      type(nodal_response_t), intent(out) :: response
       real(wp), allocatable :: unit(:, :), force(:, :), u(:, :)
       integer :: node, c, column
 
-      !$omp parallel default(none) shared(convolution, filter, points, at_points, at_nodes) private(node, c, column, unit, force, u)
+      associate (nodes => filter%hats%pairs, points => filter%hats%points)
+         allocate (response%at_points(3*points, 3*nodes), response%at_nodes(3*nodes, 3*nodes))
+      end associate
+      !$omp parallel default(none) shared(convolution, filter, response) private(node, c, column, unit, force, u)
       allocate (unit(3, filter%hats%pairs), force(3, filter%hats%points), u(3, filter%hats%points))
       !$omp do schedule(static)
       do node = 1, filter%hats%pairs
@@ -116,13 +89,46 @@ contains
             unit(c, node) = 1.0_wp
             call filter%spread_forces(unit, force)
             call convolution%apply(force, u)
-            at_points(:, column) = reshape(u(:, points), [3*size(points)])
+            response%at_points(:, column) = reshape(u, [size(u)])
             call filter%average(u, unit)
-            at_nodes(:, column) = reshape(unit, [3*filter%hats%pairs])
+            response%at_nodes(:, column) = reshape(unit, [size(unit)])
          end do
       end do
       !$omp end do
       !$omp end parallel
-   end subroutine nodal_responses
+   end subroutine new_nodal_response
+
+   !> g <- g + C_s - C on a subset of the points: what the filter takes from the dense half space there. The averages go over
+   !> all points of the grid.
+   subroutine add_split_to_dense(filter, response, points, g)
+      type(scale_filter_t), intent(in) :: filter
+      type(nodal_response_t), intent(in) :: response
+      !> Point numbers of rows and columns
+      integer, intent(in) :: points(:)
+      !> (3 points, 3 points) m/N
+      real(wp), intent(inout), contiguous :: g(:, :)
+      real(wp), allocatable :: at_points(:, :), column(:, :), nodal(:, :)
+      integer :: l, m, c, first
+
+      at_points = response%at_points([((3*points(l) - 3 + c, c=1, 3), l=1, size(points))], :)
+      !$omp parallel default(none) shared(filter, response, points, g, at_points) private(l, m, c, first, column, nodal)
+      allocate (column(3*size(points), 3), nodal(3*filter%hats%pairs, 3))
+      !$omp do schedule(static)
+      do l = 1, size(points)
+         nodal = -transpose(at_points(3*l - 2:3*l, :))
+         column = 0.0_wp
+         do m = filter%hats%start(points(l)), filter%hats%start(points(l) + 1) - 1
+            first = 3*filter%hats%pair(m) - 3
+            do c = 1, 3
+               nodal(:, c) = nodal(:, c) + filter%hats%weight(m)*response%at_nodes(:, first + c)
+               column(:, c) = column(:, c) - filter%hats%weight(m)*at_points(:, first + c)
+            end do
+         end do
+         call filter%hats%interpolate_columns(points, nodal, column)
+         g(:, 3*l - 2:3*l) = g(:, 3*l - 2:3*l) + column
+      end do
+      !$omp end do
+      !$omp end parallel
+   end subroutine add_split_to_dense
 
 end module microslip_halfspace_split_compliance

@@ -15,7 +15,8 @@ module microslip_system_pad
    use microslip_halfspace_love_cerruti, only: half_space_pair_t
    use microslip_halfspace_node_points, only: points_at_nodes
    use microslip_halfspace_scale_filter, only: scale_filter_t, new_scale_filter
-   use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product
+   use microslip_halfspace_split_compliance, only: add_split_to_dense, local_normal_product, local_product, &
+      & nodal_response_t, new_nodal_response
    implicit none(type, external)
    private
 
@@ -31,6 +32,8 @@ module microslip_system_pad
       type(convolution_t) :: convolution
       !> The waves that are left to the FE model; not allocated: none, the coupling is in series
       type(scale_filter_t), allocatable :: filter
+      !> What the filter's dense form is made from, kept from one choice of the points to the next
+      type(nodal_response_t), allocatable, private :: nodal_response
       !> (grid points) height of the composite surface, <= 0 with the highest point at 0, m
       real(wp), allocatable :: height(:)
       real(wp) :: friction = 0.0_wp
@@ -138,12 +141,17 @@ contains
 
    !> g <- g + C, or C_s, on the points in potential contact.
    subroutine add_local_compliance(self, g)
-      class(pad_t), intent(in) :: self
+      class(pad_t), intent(inout) :: self
       !> (3 points, 3 points) m/N
       real(wp), intent(inout), contiguous :: g(:, :)
 
       call self%compliance%add_to_dense(self%potential, g)
-      if (allocated(self%filter)) call add_split_to_dense(self%convolution, self%filter, self%potential, g)
+      if (.not. allocated(self%filter)) return
+      if (.not. allocated(self%nodal_response)) then
+         allocate (self%nodal_response)
+         call new_nodal_response(self%convolution, self%filter, self%nodal_response)
+      end if
+      call add_split_to_dense(self%filter, self%nodal_response, self%potential, g)
    end subroutine add_local_compliance
 
    !> Relative displacement C lambda + W^T d_b (C_s in place of C) at all grid points, (3, grid points), m.
