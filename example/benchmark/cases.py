@@ -44,7 +44,7 @@ class Case:
     def pad(self, side):
         return (f"&interface\n  name = '{side}', side_a = 'pad_{side}_upper', side_b = 'pad_{side}_lower'\n"
                 f"  friction = 0.6, young_modulus = 194e9, poisson_ratio = 0.2854\n  nx = {self.nx}, ny = {self.ny}\n"
-                f"  holes = 0.0, 0.0, 4.365e-3\n  topography = 'form', potential = '{self.potential}'\n/\n")
+                f"  holes = 0.0, 0.0, 4.365e-3\n  topography = 'form', potential = '{self.potential}', coupling = 'series'\n/\n")
 
 
 def bolt(side):

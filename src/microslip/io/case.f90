@@ -49,7 +49,7 @@ module microslip_io_case
       !> half_space: (3, holes) x, y, radius in local coordinates, m
       real(wp), allocatable :: holes(:, :)
       !> 'series' or 'scale_split': half space and FE model
-      character(len=name_length) :: coupling = 'series'
+      character(len=name_length) :: coupling = 'scale_split'
       !> Name of a topography; blank: flat
       character(len=name_length) :: topography = ''
       !> Pa, normal pressure in the undeformed state, in place of a topography

@@ -63,8 +63,10 @@ contains
       call keys%real_list('extent', record%extent, any_value, [4, 4])
       call check_box(keys, 'extent', record%extent)
       call keys%real_table('holes', record%holes, 3, any_value, [1, most_holes])
+      if (has_elastic_ground(record)) record%coupling = 'series'
       call keys%name_key('coupling', record%coupling, ['series     ', 'scale_split'])
-      call check_coupling(keys, record)
+      if (keys%is_reading .and. has_elastic_ground(record) .and. record%coupling /= 'series') call keys%fault('coupling', &
+         & "'series', or one young_modulus: elastic ground is not in the FE model, which has to hold the long waves of both bodies")
       if (.not. (keys%is_reading .and. allocated(record%holes))) return
       if (any(record%holes(3, :) <= 0.0_wp)) call keys%fault('holes', 'x, y, radius of every hole, with a radius > 0')
    end subroutine grid_keys
@@ -116,16 +118,13 @@ contains
          "one value: the ground is rigid, young_modulus has one value")
    end subroutine material_keys
 
-   !> The scale-split coupling needs an FE model of every body that deforms.
-   subroutine check_coupling(keys, record)
-      type(group_keys_t), intent(inout) :: keys
+   !> Whether the ground deforms as a half space without being in the FE model.
+   pure logical function has_elastic_ground(record)
       type(interface_case_t), intent(in) :: record
 
-      if (.not. (keys%is_reading .and. allocated(record%young_modulus))) return
-      if (record%coupling == 'scale_split' .and. record%side_b == 'ground' .and. size(record%young_modulus) > 1) &
-         call keys%fault('coupling', "'series', or one young_modulus: elastic ground is not in the FE model, "// &
-         'which has to hold the long waves of both bodies')
-   end subroutine check_coupling
+      has_elastic_ground = .false.
+      if (allocated(record%young_modulus)) has_elastic_ground = record%side_b == 'ground' .and. size(record%young_modulus) > 1
+   end function has_elastic_ground
 
    !> `&topography`.
    subroutine topography_keys(keys, record)
