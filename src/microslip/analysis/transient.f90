@@ -103,7 +103,8 @@ contains
       call begin(system, start, options, motion, error)
       if (.not. allocated(error)) call check_duration(options, motion, error)
       if (allocated(error)) return
-      samples = [sample_of(system, motion, options)]
+      allocate (samples(0))
+      call add_sample(system, options, motion, samples)
       if (present(point)) then
          call resume(system, motion, record, recorder, clock, point, error)
          samples = samples(:0)
@@ -387,7 +388,7 @@ contains
                & to_text(motion%step*options%time_step)//' s')
             return
          end if
-         if (mod(motion%step, options%stride) == 0) samples = [samples, sample_of(system, motion, options)]
+         if (mod(motion%step, options%stride) == 0) call add_sample(system, options, motion, samples)
          call recorder%progress(motion%step*options%time_step, motion%solved%counts)
          if (motion%turned) exit
       end do
@@ -502,6 +503,22 @@ contains
       where (motion%slipped) motion%slipped = safe%slipped(max(1, system%previous_index))
       call solver%start(system%problem, motion%contact, error)
    end subroutine resume_from
+
+   !> The present step becomes a sample. (By an array constructor gfortran 12 would lose its memory.)
+   subroutine add_sample(system, options, motion, samples)
+      type(jointed_system_t), intent(in) :: system
+      type(transient_options_t), intent(in) :: options
+      type(motion_t), intent(in) :: motion
+      type(sample_t), allocatable, intent(inout) :: samples(:)
+      type(sample_t), allocatable :: longer(:)
+      integer :: n
+
+      n = size(samples)
+      allocate (longer(n + 1))
+      longer(:n) = samples
+      longer(n + 1) = sample_of(system, motion, options)
+      call move_alloc(longer, samples)
+   end subroutine add_sample
 
    !> The samples up to a step.
    pure function pack_before(samples, step) result(kept)

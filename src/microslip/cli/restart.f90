@@ -1,6 +1,7 @@
 !> Going on with an interrupted run: what is behind the finished analyses is kept in the result file and taken back from it.
 module microslip_cli_restart
    use microslip_cli_run, only: run_t
+   use microslip_cli_scene, only: contact_interfaces
    use microslip_core_archive, only: archive_t
    use microslip_core_digest, only: digest_t
    use microslip_core_error, only: bad_input, error_t, failure
@@ -69,11 +70,11 @@ contains
       type(run_t), intent(in) :: run
       character(len=16) :: text
       type(digest_t) :: digest
+      type(contact_interface_t), allocatable :: interfaces(:)
       integer :: k
 
-      associate (interfaces => [(run%scene%pads(k)%contact, k=1, size(run%scene%pads))])
-         call digest%add(reduction_digest(run%scene%model, interfaces, run%scene%patterns, reduction_options_t(method='')))
-      end associate
+      interfaces = contact_interfaces(run%scene)
+      call digest%add(reduction_digest(run%scene%model, interfaces, run%scene%patterns, reduction_options_t(method='')))
       do k = 1, size(run%scene%pads)
          call digest%add(run%scene%pads(k)%height)
       end do

@@ -24,7 +24,7 @@ module microslip_cli_scene
    implicit none(type, external)
    private
 
-   public :: scene_t, table_t, build_scene, read_model, add_motions
+   public :: scene_t, table_t, build_scene, read_model, add_motions, contact_interfaces
 
    !> How far outside the faces a grid point may lie, in face coordinates (width 2): the slivers between the
    !> chords of a meshed outline and the outline itself.
@@ -314,6 +314,18 @@ contains
          scene%patterns(:, scene%n_pattern_loads + k) = part
       end do
    end subroutine build_patterns
+
+   !> The node pairs of all interfaces. (As an array constructor gfortran 12 would lose their memory.)
+   function contact_interfaces(scene) result(interfaces)
+      type(scene_t), intent(in) :: scene
+      type(contact_interface_t), allocatable :: interfaces(:)
+      integer :: k
+
+      allocate (interfaces(size(scene%pads)))
+      do k = 1, size(interfaces)
+         interfaces(k) = scene%pads(k)%contact
+      end do
+   end function contact_interfaces
 
    !> The loads in the order that they have in the system.
    subroutine list_loads(case, scene)

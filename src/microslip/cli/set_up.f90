@@ -4,11 +4,12 @@ module microslip_cli_set_up
    use microslip_cli_coupling_report, only: report_estimate
    use microslip_cli_restart, only: take_run_back
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
-   use microslip_cli_scene, only: add_motions
+   use microslip_cli_scene, only: add_motions, contact_interfaces
    use microslip_cli_demand, only: uses_fft
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_fe_interface, only: contact_interface_t
    use microslip_fe_reduction, only: reduction_options_t, reduce
    use microslip_io_coupling_results, only: write_couplings
    use microslip_io_reduction_cache, only: reduction_digest, read_cache, write_cache
@@ -28,29 +29,28 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(reduction_options_t) :: options
       character(len=16) :: digest
+      type(contact_interface_t), allocatable :: interfaces(:)
       character(len=:), allocatable :: cache
       logical :: found
-      integer :: k
 
       options%method = trim(run%case%reduction%method)
       if (allocated(run%case%reduction%n_modes)) options%modes = run%case%reduction%n_modes
       if (allocated(run%case%reduction%cutoff_frequency)) options%cutoff_frequency = run%case%reduction%cutoff_frequency
       found = .false.
-      associate (interfaces => [(run%scene%pads(k)%contact, k=1, size(run%scene%pads))])
-         if (run%case%reduction%cache /= '') then
-            cache = run%case%located(run%case%reduction%cache)
-            digest = reduction_digest(run%scene%model, interfaces, run%scene%patterns, options)
-            call read_cache(cache, digest, run%reduced, found)
-         end if
-         if (found) then
-            call run%log%line('reduction: taken from '//cache//' (digest '//digest//')')
-         else
-            call reduce(run%scene%model, interfaces, run%scene%patterns, options, run%reduced, error)
-            if (allocated(error)) return
-            if (allocated(cache)) call write_cache(cache, digest, run%reduced, error)
-            if (allocated(error)) return
-         end if
-      end associate
+      interfaces = contact_interfaces(run%scene)
+      if (run%case%reduction%cache /= '') then
+         cache = run%case%located(run%case%reduction%cache)
+         digest = reduction_digest(run%scene%model, interfaces, run%scene%patterns, options)
+         call read_cache(cache, digest, run%reduced, found)
+      end if
+      if (found) then
+         call run%log%line('reduction: taken from '//cache//' (digest '//digest//')')
+      else
+         call reduce(run%scene%model, interfaces, run%scene%patterns, options, run%reduced, error)
+         if (allocated(error)) return
+         if (allocated(cache)) call write_cache(cache, digest, run%reduced, error)
+         if (allocated(error)) return
+      end if
       call run%clock%stop('reduction')
       call run%log%line('reduction: '//to_text(run%scene%model%row_count())//' rows to ' &
          & //to_text(size(run%reduced%frequency))//' modes (to '//to_text(maxval(run%reduced%frequency))//' Hz) and ' &
