@@ -19,6 +19,8 @@ module microslip_fe_model_check
    real(wp), parameter :: largest = 1.0e30_wp
    !> Rounding of entries in text files, and of condensed ones.
    real(wp), parameter :: rounding = 1.0e-6_wp
+   !> Volume over that of a cube of the longest edge, below which there is none.
+   real(wp), parameter :: flat = 1.0e-12_wp
    !> (corners) where a corner of a brick is along its three edges, Abaqus order.
    real(wp), parameter :: along(8, 3) = reshape([real(wp) :: -1, 1, 1, -1, -1, 1, 1, -1, -1, -1, 1, 1, -1, -1, 1, 1, &
       & -1, -1, -1, -1, 1, 1, 1, 1], [8, 3])
@@ -55,7 +57,7 @@ contains
          associate (connectivity => model%elements(k)%connectivity)
             do e = 1, size(connectivity, 2)
                edge = matmul(model%coordinates(:, connectivity(:8, e)), along)
-               if (triple_product(edge) > 0.0_wp) cycle
+               if (triple_product(edge) > flat*maxval(norm2(edge, 1))**3) cycle
                call bad_input(error, 'element '//to_text(e)//' of type '//model%elements(k)%type//' (nodes '// &
                   & to_text(model%node_label(connectivity(1, e)))//', '//to_text(model%node_label(connectivity(2, e)))// &
                   & ', ...) is inside out or has no volume: are its nodes in the order of Abaqus, and in their places?')
