@@ -42,19 +42,19 @@ class Case:
 
 
 WAVE_MESHES = dict(plan=(24.0, 8.0), heights=(8.0, 8.0), force=2000.0, resolved=(0.5, 0.25, 0.125), fine_y=1.0,
-                   coarse=((4.0, (144, 12)), (2.0, (144, 12))))
+                   coarse=((4.0, (96, 12)), (2.0, (96, 12))))
 CASES = {
     "flat": Case(bore="square", resolved=(2.0, 4 / 3, 1.0), coarse=((4.0, (48, 32)), (2.0, (48, 32))), split_only=((2.0, (60, 40)),)),
-    "hill": Case(bore="square", hill=12.0, coarse=((4.0, (72, 48)), (4.0, (72, 48), "C3D20"), (2.0, (72, 48))),
-                 split_only=((2.0, (48, 32)), (2.0, (60, 40)), (4.0, (96, 64)), (2.0, (96, 64)), (4 / 3, (96, 64)))),
+    "hill": Case(bore="square", hill=12.0, coarse=((4.0, (48, 32)), (4.0, (48, 32), "C3D20"), (2.0, (72, 48))),
+                 split_only=((2.0, (48, 32)), (2.0, (60, 40)), (2.0, (96, 64)), (4 / 3, (96, 64)))),
     "long waves": Case(wave=(8.0, 0.96), **WAVE_MESHES),
     "short waves": Case(wave=(2.0, 0.24), **WAVE_MESHES),
     "round bore": Case(plan=(32.0, 32.0), heights=(10.0, 12.0), bore="round", hill=6.0, force=5000.0,
-                       resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 48)), (2.0, (48, 48)))),
+                       resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (40, 40)), (2.0, (40, 40)))),
     "steel on aluminium": Case(plan=(32.0, 24.0), heights=(10.0, 10.0), materials=(ALUMINIUM, STEEL), hill=4.0, force=4000.0,
-                               friction=0.3, steps=4, resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 36)), (2.0, (48, 36)))),
+                               friction=0.3, steps=4, resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (40, 30)), (2.0, (40, 30)))),
     "unequal blocks": Case(plan=(32.0, 24.0), lower_plan=(48.0, 40.0), heights=(14.0, 8.0), hill=4.0, force=4000.0,
-                           resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (48, 36)), (2.0, (48, 36)))),
+                           resolved=(2.0, 1.0, 2 / 3), coarse=((4.0, (40, 30)), (2.0, (40, 30)))),
 }
 
 
@@ -178,7 +178,8 @@ def draw(path, name, case, results):
     import matplotlib.pyplot as plt
     same = lambda r: r["elements"] == "C3D8I" and r["cells"] in (None, case.coarse[-1][1])
     shown = [[r for r in results if r["contact"] == c and same(r)][-1] for c in ("resolved", "series", "scale_split")]
-    size, top = case.plan, np.quantile(shown[0]["smooth"], 0.995) * 1e-6
+    size, positive = case.plan, shown[0]["fine"][shown[0]["fine"] > 0]
+    top = np.quantile(positive, 0.99) * 1e-6
     figure, axes = plt.subplots(1, len(shown), figsize=(11, 0.9 + 3.3 * size[1] / size[0]), squeeze=False, layout="constrained")
     for axis, r in zip(axes[0], shown):
         image = axis.imshow(r["fine"] * 1e-6, origin="lower", vmin=0, vmax=top, cmap="inferno",
