@@ -108,8 +108,9 @@ contains
       real(wp) :: seen, a
 
       seen = norm2(matmul(problem%shape, problem%balance%system%sensor_modal(:, options%sensors)))
-      a = minval(options%amplitude_range)/max(seen, tiny(1.0_wp))
-      if (.not. a < huge(1.0_wp)) a = minval(options%amplitude_range)
+      ! What a sensor does not see as a whole it may see by the contact forces.
+      if (seen <= sqrt(epsilon(1.0_wp))*norm2(problem%shape)) seen = norm2(problem%shape)
+      a = minval(options%amplitude_range)/seen
       y = linear_mode(problem, log10(a))
       call problem%balance%evaluate(a*y(:problem%balance%unknowns()))
       point = problem%balance%describe()
