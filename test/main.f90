@@ -8,7 +8,6 @@ program main
    use test_analysis_excitation, only: collect_analysis_excitation
    use test_analysis_harmonic_meter, only: collect_analysis_harmonic_meter
    use test_analysis_settling, only: collect_analysis_settling
-   use test_cli_coupling_report, only: collect_cli_coupling_report
    use test_cli_excitations, only: collect_cli_excitations
    use test_cli_node_contact, only: collect_cli_node_contact
    use test_fe_base_load, only: collect_fe_base_load
@@ -89,7 +88,6 @@ program main
       & new_testsuite('analysis_harmonic_meter', collect_analysis_harmonic_meter), &
       & new_testsuite('analysis_settling', collect_analysis_settling), &
       & new_testsuite('cli_excitations', collect_cli_excitations), &
-      & new_testsuite('cli_coupling_report', collect_cli_coupling_report), &
       & new_testsuite('cli_node_contact', collect_cli_node_contact), &
       & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
