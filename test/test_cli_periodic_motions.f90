@@ -16,11 +16,11 @@ module test_cli_periodic_motions
    !> Files of these tests, removed by each; the tests run in the folder of the checkout.
    character(len=*), parameter :: case_path = 'build/test_cli_periodic.nml', result_path = 'build/test_cli_periodic.h5', &
       & shipped = 'input/s4_frf.nml'
-   !> Changes for all tests
+   !> Changes for all tests; cells larger than elements have no part in a coupling split by scale
    character(len=*), parameter :: old(6) = [character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', &
       & 'levels = 0.2, 1.0', 'frequency_range = 195.0, 215.0', 'amplitude_range = 1e-7, 1.5e-4']
-   character(len=*), parameter :: new(6) = [character(len=48) :: "file = '../input/s4_coarse", 'nx = 10, ny = 6', &
-      & 'n_modes = 6', 'levels = 1.5', 'frequency_range = 205.0, 210.0', 'amplitude_range = 1.55e-4, 1.9e-4, points = 6']
+   character(len=*), parameter :: new(6) = [character(len=48) :: "file = '../input/s4_coarse", &
+      & "nx = 10, ny = 6, coupling = 'series'", 'n_modes = 6', 'levels = 1.5', 'frequency_range = 205.0, 210.0', 'amplitude_range = 1.55e-4, 1.9e-4, points = 6']
 
 contains
 
