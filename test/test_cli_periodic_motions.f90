@@ -20,7 +20,8 @@ module test_cli_periodic_motions
    character(len=*), parameter :: old(6) = [character(len=32) :: "file = 's4_coarse", 'nx = 42, ny = 26', 'n_modes = 30', &
       & 'levels = 0.2, 1.0', 'frequency_range = 195.0, 215.0', 'amplitude_range = 1e-7, 1.5e-4']
    character(len=*), parameter :: new(6) = [character(len=48) :: "file = '../input/s4_coarse", &
-      & "nx = 10, ny = 6, coupling = 'series'", 'n_modes = 6', 'levels = 1.5', 'frequency_range = 205.0, 210.0', 'amplitude_range = 1.55e-4, 1.9e-4, points = 6']
+      & "nx = 10, ny = 6, coupling = 'series'", 'n_modes = 6', 'levels = 1.5', &
+      & 'frequency_range = 205.0, 210.0', 'amplitude_range = 1.55e-4, 1.9e-4, points = 6']
 
 contains
 
