@@ -3,6 +3,7 @@
 import contextlib
 import re
 import shutil
+import warnings
 
 import h5py
 import numpy as np
@@ -197,7 +198,7 @@ def hdf5(source, target, rng, any_bytes):
             if _can_be_damaged(file, name):
                 # What numpy or h5py refuse to write is left as far as it came.
                 refused = AttributeError, KeyError, MemoryError, OSError, OverflowError, RuntimeError, TypeError, ValueError
-                with np.errstate(all="ignore"), contextlib.suppress(*refused):
+                with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"), contextlib.suppress(*refused):
                     must_fail = _damage(file, name, rng) and times == 1
     return must_fail
 
