@@ -47,9 +47,10 @@ contains
          & new_unittest('a problem that changes is solved again', test_changes)]
    end subroutine collect_analysis_continuation
 
-   subroutine residual(self, y, r, error)
+   subroutine residual(self, y, first, r, error)
       class(duffing_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
+      logical, intent(in) :: first
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: k

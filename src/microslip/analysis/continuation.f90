@@ -2,7 +2,7 @@
 !> at right angles to it (pseudo-arc-length): folds in the last unknown, the parameter, are passed like any other point.
 !>
 !> With lengths w (the change of each unknown that counts as one) and z = y/w:
-!>     predictor   z + s t,   J_z t = 0, |t| = 1
+!>     predictor   z + s t,   J_z t = 0, |t| = 1; from the third point on, the parabola through the last three points
 !>     corrector   [J_z; t^T] dz = -[r; 0],   halved while the residual grows
 !> The step s grows after quick corrections, and is halved where the corrector fails or moves further than the
 !> predictor. The curve ends where the parameter reaches its last value (that point is computed exactly), returns beyond its
@@ -73,13 +73,14 @@ module microslip_analysis_continuation
    end type curve_problem_t
 
    abstract interface
-      !> Scaled residual at y.
-      subroutine residual_interface(self, y, r, error)
+      !> Scaled residual at y: the `first` one of a point, or at a correction of where the Jacobian was asked for last.
+      subroutine residual_interface(self, y, first, r, error)
          import :: curve_problem_t, error_t, wp
          implicit none(type, external)
          class(curve_problem_t), intent(inout) :: self
          !> (n + 1)
          real(wp), intent(in) :: y(:)
+         logical, intent(in) :: first
          !> (n)
          real(wp), intent(out) :: r(:)
          type(error_t), allocatable, intent(out) :: error
@@ -132,14 +133,15 @@ contains
       type(curve_options_t), intent(in) :: options
       type(curve_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: y(size(start)), trial(size(start)), w(size(start)), tangent(size(start))
+      real(wp) :: y(size(start)), trial(size(start)), w(size(start)), tangent(size(start)), before(size(start), 2)
       type(correction_t) :: correction
       real(wp) :: step
       logical :: at_end
-      integer :: n
+      integer :: n, solved
 
       n = size(start)
       y = start
+      solved = 1
       call correct(problem, options, parameter_row(n), problem%lengths(y), y, correction, record, error)
       record%failed = correction
       if (allocated(error) .or. .not. correction%converged) return
@@ -156,7 +158,11 @@ contains
       record%reason = no_step
       do
          w = problem%lengths(y)
-         trial = y + step*w*tangent
+         if (solved > 2) then
+            call predict(before, y, w, step, trial, tangent)
+         else
+            trial = y + step*w*tangent
+         end if
          at_end = (trial(n) - last + almost*(trial(n) - y(n)))*(last - start(n)) >= 0.0_wp
          if (at_end) then
             trial = y + (trial - y)*(last - y(n))/(trial(n) - y(n))
@@ -174,6 +180,8 @@ contains
             if (step < options%smallest_step) return
             cycle
          end if
+         before = reshape([before(:, 2), y], [n, 2])
+         solved = solved + 1
          y = trial
          call hand_over(problem, options, merge(parameter_row(n), tangent, at_end), y, correction, record, error)
          if (allocated(error) .or. record%reason == ended_by_user) return
@@ -184,12 +192,35 @@ contains
          record%reason = too_many_points
          if (record%points >= options%max_points) return
          record%reason = no_step
-         tangent = tangent*w/problem%lengths(y)
-         call find_tangent(problem, y, record%jacobians == 0, problem%lengths(y), tangent, error)
-         if (allocated(error)) return
+         if (solved < 3) then
+            tangent = tangent*w/problem%lengths(y)
+            call find_tangent(problem, y, record%jacobians == 0, problem%lengths(y), tangent, error)
+            if (allocated(error)) return
+         end if
          step = min(options%largest_step, step*2.0_wp**(real(usual_iterations - correction%iterations, wp)/3.0_wp))
       end do
    end subroutine trace_curve
+
+   !> Extrapolate the parabola through three points, over the length of their chords.
+   pure subroutine predict(before, y, w, step, trial, tangent)
+      !> (n, 2) the two points before y
+      real(wp), intent(in) :: before(:, :), y(:)
+      !> (n) lengths
+      real(wp), intent(in) :: w(:)
+      !> Length beyond y
+      real(wp), intent(in) :: step
+      real(wp), intent(out) :: trial(:)
+      !> (n) of the parabola there, in units of w, of length one
+      real(wp), intent(out) :: tangent(:)
+      real(wp) :: chord(2), slope(size(y)), bend(size(y))
+
+      chord = [norm2((before(:, 2) - before(:, 1))/w), norm2((y - before(:, 2))/w)]
+      slope = (y - before(:, 2))/chord(2)
+      bend = (slope - (before(:, 2) - before(:, 1))/chord(1))/sum(chord)
+      trial = y + step*(slope + (step + chord(2))*bend)
+      tangent = (slope + (2.0_wp*step + chord(2))*bend)/w
+      tangent = tangent/norm2(tangent)
+   end subroutine predict
 
    !> Why a curve ended before its last point, blank if it did not.
    pure function why_ended(record) result(reason)
@@ -255,7 +286,7 @@ contains
       logical :: anew, singular
       integer :: halving
 
-      call problem%residual(y, r, error)
+      call problem%residual(y, .true., r, error)
       if (allocated(error)) return
       correction%evaluations = 1
       correction%residual = maxval(abs(r))
@@ -270,7 +301,7 @@ contains
          if (anew) correction%jacobians = correction%jacobians + 1
          before = correction%residual
          do halving = 0, max_halvings
-            call problem%residual(y + w*step(:, 1), r, error)
+            call problem%residual(y + w*step(:, 1), .false., r, error)
             if (allocated(error)) exit
             correction%evaluations = correction%evaluations + 1
             correction%residual = maxval(abs(r))

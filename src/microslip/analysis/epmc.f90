@@ -10,7 +10,7 @@ module microslip_analysis_epmc
    use microslip_analysis_continuation, only: correction_t, curve_options_t, curve_problem_t, curve_record_t, &
       & go_on, solve_again, trace_curve, why_ended
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_periodic_balance, only: periodic_balance_t
+   use microslip_analysis_periodic_balance, only: periodic_balance_t, repeat_share
    use microslip_analysis_response_point, only: response_point_t, response_recorder_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, failure
@@ -49,7 +49,7 @@ module microslip_analysis_epmc
       !> omega_0, rad/s
       real(wp) :: omega = 0.0_wp
       !> Lengths of log10 a and of the others
-      real(wp) :: amplitude_step = 0.0_wp, response_step = 0.0_wp
+      real(wp) :: amplitude_step = 0.0_wp, response_step = 0.0_wp, tolerance = 0.0_wp
       class(response_recorder_t), pointer :: recorder => null()
    contains
       procedure :: residual
@@ -82,6 +82,7 @@ contains
       problem%shape = options%shape
       problem%omega = 2.0_wp*pi*options%frequency
       problem%response_step = options%response_step
+      problem%tolerance = options%tolerance
       problem%recorder => recorder
       call modal_amplitude_per_sensor(problem, options, per_sensor, error)
       if (allocated(error)) return
@@ -134,25 +135,27 @@ contains
    end function linear_mode
 
    !> r over omega_0^2 a, amplitude and phase condition; not small where the contact forces do not repeat.
-   subroutine residual(self, y, r, error)
+   subroutine residual(self, y, first, r, error)
       class(nonlinear_mode_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
+      logical, intent(in) :: first
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: balance(:, :)
+      real(wp), allocatable :: rest(:, :), psi(:, :)
       real(wp) :: a, doubt
       integer :: n
 
       if (allocated(error)) return
       n = size(y) - 3
       a = 10.0_wp**y(n + 3)
-      call self%balance%evaluate(a*y(:n))
-      associate (omega => self%omega*y(n + 1), zeta => y(n + 2), psi => self%balance%x/a)
-         balance = self%balance%linear_force(self%balance%x, omega, -2.0_wp*zeta*omega) - self%balance%force
-         r(:n) = reshape(balance, [n])/(self%omega**2*a)
-         r(n + 1) = sum(psi(:, 2:3)**2) - 1.0_wp
-         r(n + 2) = dot_product(self%shape, psi(:, 3))
+      psi = reshape(y(:n), [size(self%shape), n/size(self%shape)])
+      associate (omega => self%omega*y(n + 1), zeta => y(n + 2))
+         rest = self%balance%linear_force(a*psi, omega, -2.0_wp*zeta*omega)
       end associate
+      call self%balance%evaluate(a*y(:n), first, rest, repeat_share*self%tolerance*self%omega**2*a)
+      r(:n) = reshape(rest - self%balance%force, [n])/(self%omega**2*a)
+      r(n + 1) = sum(psi(:, 2:3)**2) - 1.0_wp
+      r(n + 2) = dot_product(self%shape, psi(:, 3))
       doubt = self%balance%doubt()
       if (doubt > 0.0_wp) r(1) = merge(huge(1.0_wp), abs(r(1)) + doubt/(self%omega**2*a), doubt >= huge(1.0_wp))
    end subroutine residual
@@ -170,6 +173,7 @@ contains
 
       if (anew) call self%balance%renew_derivative(error)
       if (allocated(error)) return
+      call self%balance%accept()
       n = size(y) - 3
       m = self%balance%system%n_modes
       omega = self%omega*y(n + 1)

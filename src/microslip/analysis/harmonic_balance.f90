@@ -9,7 +9,7 @@ module microslip_analysis_harmonic_balance
       & go_on, solve_again, trace_curve, why_ended
    use microslip_analysis_linear_modes, only: stuck_stiffness
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_periodic_balance, only: periodic_balance_t
+   use microslip_analysis_periodic_balance, only: periodic_balance_t, repeat_share
    use microslip_analysis_response_point, only: response_point_t, response_recorder_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, failure
@@ -47,7 +47,7 @@ module microslip_analysis_harmonic_balance
       type(periodic_balance_t) :: balance
       !> (modes) level f
       real(wp), allocatable :: load(:)
-      real(wp) :: frequency_step = 0.0_wp, response_step = 0.0_wp
+      real(wp) :: frequency_step = 0.0_wp, response_step = 0.0_wp, tolerance = 0.0_wp
       class(response_recorder_t), pointer :: recorder => null()
    contains
       procedure :: residual
@@ -82,6 +82,7 @@ contains
       problem%balance%load = options%load
       problem%frequency_step = options%frequency_step
       problem%response_step = options%response_step
+      problem%tolerance = options%tolerance
       problem%recorder => recorder
       curve = curve_options_t(tolerance=options%tolerance, max_iterations=options%max_iterations, &
          & smallest_step=options%smallest_step, max_points=options%max_points)
@@ -132,19 +133,22 @@ contains
    end subroutine stuck_response
 
    !> r over |level f|; not small where the contact forces do not repeat.
-   subroutine residual(self, y, r, error)
+   subroutine residual(self, y, first, r, error)
       class(forced_response_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
+      logical, intent(in) :: first
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: balance(:, :)
+      real(wp), allocatable :: rest(:, :)
       real(wp) :: doubt
+      integer :: n
 
       if (allocated(error)) return
-      call self%balance%evaluate(y(:size(y) - 1))
-      balance = self%balance%linear_force(self%balance%x, y(size(y)), 0.0_wp) - self%balance%force
-      balance(:, 2) = balance(:, 2) - self%load
-      r = reshape(balance, [size(r)])/norm2(self%load)
+      n = size(y) - 1
+      rest = self%balance%linear_force(reshape(y(:n), [size(self%load), n/size(self%load)]), y(n + 1), 0.0_wp)
+      rest(:, 2) = rest(:, 2) - self%load
+      call self%balance%evaluate(y(:n), first, rest, repeat_share*self%tolerance*norm2(self%load))
+      r = reshape(rest - self%balance%force, [size(r)])/norm2(self%load)
       doubt = self%balance%doubt()
       if (doubt > 0.0_wp) r(1) = merge(huge(1.0_wp), abs(r(1)) + doubt/norm2(self%load), doubt >= huge(1.0_wp))
    end subroutine residual
@@ -162,6 +166,7 @@ contains
       n = size(J, 1)
       if (anew) call self%balance%renew_derivative(error)
       if (allocated(error)) return
+      call self%balance%accept()
       associate (omega => y(size(y)), balance => self%balance)
          call balance%stiffness_matrix(omega, 0.0_wp, J(:, :n))
          by_omega = balance%fourier%phase_derivative(balance%x)

@@ -18,7 +18,18 @@ module microslip_analysis_periodic_balance
    implicit none(type, external)
    private
 
-   public :: periodic_balance_t
+   public :: periodic_balance_t, repeat_share
+
+   !> Periods after which a march that does not repeat is given up.
+   integer, parameter :: max_periods = 25
+   !> Change of the forces over a period, in parts of what is missing in the balance, from which marching on would not help.
+   real(wp), parameter :: small_change = 0.03_wp
+
+   !> Change of a motion, in parts of itself, up to which its march goes onward from where that before the change ended: what
+   !> points remember of another motion may take many periods to be forgotten.
+   real(wp), parameter :: near = 0.02_wp
+   !> How well forces should repeat, in parts of the residual that is tolerated.
+   real(wp), parameter :: repeat_share = 0.1_wp
 
    type :: periodic_balance_t
       !> The potential contact set may grow
@@ -36,6 +47,10 @@ module microslip_analysis_periodic_balance
       !> The march of the last evaluation
       type(contact_cycle_t) :: cycle
       type(periodic_contact_t), private :: contact
+      !> (modes, 2H + 1) x of the motion that was accepted last
+      real(wp), allocatable, private :: accepted(:, :)
+      !> Whether its forces repeat as well as was asked for
+      logical, private :: settled = .false.
       !> (drivers, samples) of the last evaluation
       real(wp), allocatable, private :: q(:, :)
       !> (modes columns, modes columns) dF/dx
@@ -46,6 +61,7 @@ module microslip_analysis_periodic_balance
       procedure :: set_up
       procedure :: unknowns
       procedure :: evaluate
+      procedure :: accept
       procedure :: doubt
       procedure :: linear_force
       procedure :: renew_derivative
@@ -96,14 +112,19 @@ contains
       unknowns = self%system%n_modes*self%fourier%columns()
    end function unknowns
 
-   !> Contact forces of a motion; `cycle` tells whether they could be found.
-   subroutine evaluate(self, x)
+   !> Contact forces of a motion, F(x); `cycle` tells whether they could be found. They repeat to the contact solver's
+   !> accuracy or, with `rest` and `accuracy`, as well as the balance rest - F = 0 needs.
+   subroutine evaluate(self, x, first, rest, accuracy)
       class(periodic_balance_t), intent(inout) :: self
       !> (modes columns)
       real(wp), intent(in) :: x(:)
+      !> Begin at the operating state (default), not at the end of the motion that was accepted last even if that is near
+      logical, intent(in), optional :: first
+      !> (modes, 2H + 1) N per unit of the modal coordinate
+      real(wp), intent(in), optional :: rest(:, :), accuracy
       real(wp) :: change(self%unknowns()), missed(self%unknowns()), old_x(self%unknowns()), old_force(self%unknowns())
       integer :: n
-      logical :: learns
+      logical :: learns, onward
 
       n = self%system%n_modes
       learns = allocated(self%x) .and. allocated(self%derivative)
@@ -115,10 +136,20 @@ contains
       self%q = spread([self%operating%modal, self%operating%amplitude], 2, self%fourier%samples)
       self%q(:n, :) = self%q(:n, :) + matmul(self%x, self%fourier%basis)
       if (self%load > 0) self%q(n + self%load, :) = self%q(n + self%load, :) + self%level*self%fourier%basis(2, :)
-      call self%contact%march(self%system, self%q, self%cycle)
-      self%force = matmul(self%cycle%reaction - spread(self%reaction, 2, self%fourier%samples), &
-         & transpose(self%fourier%projection))
-      if (.not. learns .or. .not. self%cycle%repeats()) return
+      onward = .false.
+      if (present(first)) onward = .not. first
+      if (onward) onward = norm2(self%x - self%accepted) <= near*norm2(self%x)
+      call self%contact%begin(onward, self%cycle)
+      do
+         call self%contact%march_period(self%system, self%q, self%cycle)
+         self%force = matmul(self%cycle%reaction - spread(self%reaction, 2, self%fourier%samples), &
+            & transpose(self%fourier%projection))
+         self%settled = self%cycle%repeats()
+         if (present(rest)) self%settled = self%settled .or. self%cycle%unconverged == 0 .and. &
+            & self%cycle%last_change <= max(accuracy, small_change*maxval(abs(rest - self%force)))
+         if (self%settled .or. self%cycle%unconverged > 0 .or. self%cycle%periods == max_periods) exit
+      end do
+      if (.not. (learns .and. self%settled)) return
       change = x - old_x
       if (.not. norm2(change) > 0.0_wp) return
       missed = reshape(self%force, [size(x)]) - old_force - matmul(self%derivative, change)
@@ -128,13 +159,20 @@ contains
       end do
    end subroutine evaluate
 
-   !> What the contact forces of the last evaluation may be wrong by because they do not repeat; huge where they were not
-   !> found. A motion is no solution before this is small.
+   !> Take the last evaluation for one to be corrected: the next ones can begin where its march ended.
+   subroutine accept(self)
+      class(periodic_balance_t), intent(inout) :: self
+      self%accepted = self%x
+      call self%contact%accept(self%cycle)
+   end subroutine accept
+
+   !> What the contact forces of the last evaluation may be wrong by because they do not repeat as well as they should;
+   !> huge where they were not found. A motion is no solution before this is small.
    pure real(wp) function doubt(self)
       class(periodic_balance_t), intent(in) :: self
 
       doubt = 0.0_wp
-      if (.not. self%cycle%repeats()) doubt = self%cycle%last_change
+      if (.not. self%settled) doubt = self%cycle%last_change
       if (self%cycle%unconverged > 0) doubt = huge(1.0_wp)
    end function doubt
 

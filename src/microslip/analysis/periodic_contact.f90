@@ -2,8 +2,9 @@
 !>
 !> The quasi-static contact is marched from the operating state through the samples of a period, period after period,
 !> until the forces on the structure repeat. What they then are depends on the operating state only where points never
-!> slip. The derivative of the last period's forces is that of the whole march (`contact_tangent_t`); from a long march, only
-!> its first and last periods are used.
+!> slip. A motion that corrects another one may be marched onward from where that one ended, which takes fewer periods. The
+!> derivative of the last period's forces is that of the whole march (`contact_tangent_t`); from a long march, only its
+!> first and last periods are used.
 module microslip_analysis_periodic_contact
    use microslip_analysis_fourier, only: fourier_t
    use microslip_analysis_operating_state, only: operating_state_t
@@ -20,8 +21,6 @@ module microslip_analysis_periodic_contact
 
    public :: periodic_contact_t, contact_cycle_t
 
-   !> Periods after which a march that does not repeat is given up.
-   integer, parameter :: max_periods = 25
    !> Largest change of the forces from the end of one period to the next, over their range.
    real(wp), parameter :: repeat_tolerance = 1.0e-9_wp
    !> First and last periods of a march that its derivative is made of: those between change little.
@@ -37,10 +36,11 @@ module microslip_analysis_periodic_contact
       real(wp), allocatable :: reaction(:, :)
       !> (outputs, samples) contact forces' part of the sensors, m
       real(wp), allocatable :: output(:, :)
-      !> All steps since the operating state
+      !> All steps of the march
       type(contact_step_t), allocatable :: steps(:)
       !> (points) whether a point was ever closed
       logical, allocatable :: closes(:)
+      !> Periods marched, iterations of the contact solver
       integer :: periods = 0, iterations = 0
       !> Contact solves that did not converge
       integer :: unconverged = 0
@@ -63,15 +63,20 @@ module microslip_analysis_periodic_contact
 
    type :: periodic_contact_t
       private
+      !> The operating state, and the solver ready to march from there
       type(contact_state_t) :: start
-      !> Ready to march from the operating state
       class(contact_solver_t), allocatable :: solver
+      !> The end of the march that was accepted last
+      type(contact_state_t) :: accepted
+      class(contact_solver_t), allocatable :: accepted_solver
       type(contact_tangent_t) :: tangent
       !> (points) points that were ever closed
       logical, allocatable :: closes(:)
    contains
       procedure :: set_up
-      procedure :: march
+      procedure :: begin
+      procedure :: march_period
+      procedure :: accept
       procedure :: derivative
       procedure :: check_left_out
    end type periodic_contact_t
@@ -100,59 +105,80 @@ contains
       self%closes = self%start%status /= state_open
       self%tangent = contact_tangent_t()
       if (allocated(self%solver)) deallocate (self%solver)
+      if (allocated(self%accepted_solver)) deallocate (self%accepted_solver)
       call new_contact_solver(options, self%solver, error)
       if (allocated(error)) return
       self%solver%lazy = .true.
       call self%solver%start(system%problem, self%start, error)
    end subroutine set_up
 
-   !> March until the forces repeat.
-   subroutine march(self, system, q, cycle)
+   !> Begin a march: from the operating state, or onward from where the one that was accepted last ended.
+   subroutine begin(self, onward, cycle)
+      class(periodic_contact_t), intent(in) :: self
+      logical, intent(in) :: onward
+      type(contact_cycle_t), intent(out) :: cycle
+
+      if (onward .and. allocated(self%accepted_solver)) then
+         cycle%state = self%accepted
+         cycle%solver = self%accepted_solver
+      else
+         cycle%state = self%start
+         cycle%solver = self%solver
+      end if
+      cycle%closes = cycle%state%status /= state_open
+      allocate (cycle%steps(0))
+   end subroutine begin
+
+   !> Go on with a march by one period.
+   subroutine march_period(self, system, q, cycle)
       class(periodic_contact_t), intent(inout) :: self
       type(jointed_system_t), intent(in) :: system
       !> (drivers, samples) one period
       real(wp), intent(in) :: q(:, :)
-      type(contact_cycle_t), intent(out) :: cycle
+      type(contact_cycle_t), intent(inout) :: cycle
       type(contact_state_t) :: before
       type(solve_record_t) :: solved
       real(wp) :: last(system%n_modes), range
       integer :: k, n
 
       n = size(q, 2)
-      allocate (cycle%reaction(system%n_modes, n), cycle%output(size(system%sensor_modal, 2), n), source=0.0_wp)
-      allocate (cycle%steps(0))
-      cycle%closes = self%start%status /= state_open
-      cycle%state = self%start
-      cycle%solver = self%solver
-      do while (cycle%periods < max_periods)
-         last = cycle%reaction(:, n)
-         cycle%counts = 0
-         cycle%friction_loss = 0.0_wp
-         call extend(cycle%steps, n)
-         do k = 1, n
-            before = cycle%state
-            call cycle%solver%advance(system%problem, q(:, k), cycle%state, solved)
-            cycle%steps(cycle%periods*n + k) = new_step(system%problem, before, cycle%state)
-            cycle%reaction(:, k) = solved%reaction(:system%n_modes)
-            if (size(cycle%output) > 0) cycle%output(:, k) = solved%output
-            cycle%closes = cycle%closes .or. cycle%state%status /= state_open
-            cycle%counts = max(cycle%counts, solved%counts)
-            cycle%friction_loss = cycle%friction_loss + solved%friction_loss
-            cycle%iterations = cycle%iterations + solved%iterations
-            cycle%set_changes = cycle%set_changes + solved%set_changes
-            if (.not. solved%converged) cycle%unconverged = cycle%unconverged + 1
-         end do
-         cycle%periods = cycle%periods + 1
-         if (cycle%unconverged > 0) exit
-         if (cycle%periods == 1) cycle
-         range = maxval(maxval(cycle%reaction, 2) - minval(cycle%reaction, 2)) &
-            & + rounding/repeat_tolerance*maxval(abs(cycle%reaction))
-         cycle%last_change = maxval(abs(cycle%reaction(:, n) - last))
-         cycle%repeat_error = cycle%last_change/max(range, tiny(1.0_wp))
-         if (cycle%repeat_error <= repeat_tolerance) exit
+      if (cycle%periods == 0) allocate (cycle%reaction(system%n_modes, n), &
+         & cycle%output(size(system%sensor_modal, 2), n), source=0.0_wp)
+      last = cycle%reaction(:, n)
+      cycle%counts = 0
+      cycle%friction_loss = 0.0_wp
+      call extend(cycle%steps, n)
+      do k = 1, n
+         before = cycle%state
+         call cycle%solver%advance(system%problem, q(:, k), cycle%state, solved)
+         cycle%steps(cycle%periods*n + k) = new_step(system%problem, before, cycle%state)
+         cycle%reaction(:, k) = solved%reaction(:system%n_modes)
+         if (size(cycle%output) > 0) cycle%output(:, k) = solved%output
+         cycle%closes = cycle%closes .or. cycle%state%status /= state_open
+         cycle%counts = max(cycle%counts, solved%counts)
+         cycle%friction_loss = cycle%friction_loss + solved%friction_loss
+         cycle%iterations = cycle%iterations + solved%iterations
+         cycle%set_changes = cycle%set_changes + solved%set_changes
+         if (.not. solved%converged) cycle%unconverged = cycle%unconverged + 1
       end do
+      cycle%periods = cycle%periods + 1
       self%closes = self%closes .or. cycle%closes
-   end subroutine march
+      if (cycle%periods == 1) return
+      range = maxval(maxval(cycle%reaction, 2) - minval(cycle%reaction, 2)) &
+         & + rounding/repeat_tolerance*maxval(abs(cycle%reaction))
+      cycle%last_change = maxval(abs(cycle%reaction(:, n) - last))
+      cycle%repeat_error = cycle%last_change/max(range, tiny(1.0_wp))
+   end subroutine march_period
+
+   !> Keep where a march ended: the next ones may go onward from there. The march itself can not be gone on with.
+   subroutine accept(self, cycle)
+      class(periodic_contact_t), intent(inout) :: self
+      type(contact_cycle_t), intent(inout) :: cycle
+
+      if (.not. allocated(cycle%solver)) return
+      self%accepted = cycle%state
+      call move_alloc(cycle%solver, self%accepted_solver)
+   end subroutine accept
 
    !> Room for so many more steps.
    pure subroutine extend(steps, more)

@@ -178,7 +178,8 @@ contains
       logical, intent(inout) :: has_moved(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: matrix(:, :), right(:, :), own(:, :), known(:, :), solution(:, :)
-      integer, allocatable :: state(:), from(:), rows(:), free(:), held(:)
+      real(wp) :: across(2, 2)
+      integer, allocatable :: state(:), from(:), rows(:), free(:), held(:), moving(:)
       integer :: k, c, a, n
 
       state = spread(state_stick, 1, size(has_moved))
@@ -213,49 +214,65 @@ contains
       own = M(rows, free)
 
       ! Rows of open points: no change of the force. Rows of slipping points: the friction law.
+      moving = pack([(k, k=1, size(state))], state /= state_stick)
       allocate (matrix(size(free), size(free)), solution(size(free), size(U, 2)))
+      do c = 1, size(free)
+         call apply_laws(own(:, c), matrix(:, c))
+      end do
+      do c = 1, size(U, 2)
+         call apply_laws(right(:, c), solution(:, c))
+      end do
+      solution = -solution
       a = 0
-      do k = 1, size(rows), 3
-         associate (p => (rows(k) + 2)/3)
-            if (state(p) == state_open) then
-               matrix(a + 1:a + 3, :) = own(k:k + 2, :)
-               solution(a + 1:a + 3, :) = -right(k:k + 2, :)
-               a = a + 3
-            else
-               call friction_rows(step%direction(:, from(p)), step%kappa(from(p)), friction(rows(k)), own(k:k + 2, :), &
-                  & right(k:k + 2, :), U(3*p - 1:3*p, :), a, matrix(a + 1:a + 2, :), solution(a + 1:a + 2, :))
-               a = a + 2
-            end if
-         end associate
+      do k = 1, size(moving)
+         if (state(moving(k)) == state_slip) then
+            across = across_slip(step%direction(:, from(moving(k))), step%kappa(from(moving(k))))
+            matrix(a + 1:a + 2, a + 1:a + 2) = matrix(a + 1:a + 2, a + 1:a + 2) + across
+            do c = 1, size(U, 2)
+               solution(a + 1:a + 2, c) = solution(a + 1:a + 2, c) + matmul(across, U(3*moving(k) - 1:3*moving(k), c))
+            end do
+            a = a + 2
+         else
+            a = a + 3
+         end if
       end do
       call solve_general(matrix, solution, error)
       if (allocated(error)) return
       U(free, :) = solution
       has_moved = has_moved .or. state /= state_stick
+
+   contains
+
+      !> One column of the equations: the force of open points, force_t + mu e force_n of slipping ones.
+      pure subroutine apply_laws(force, column)
+         !> (3 moving)
+         real(wp), intent(in) :: force(:)
+         !> (free)
+         real(wp), intent(out) :: column(:)
+         integer :: k, a
+
+         a = 0
+         do k = 1, size(moving)
+            if (state(moving(k)) == state_open) then
+               column(a + 1:a + 3) = force(3*k - 2:3*k)
+               a = a + 3
+            else
+               column(a + 1:a + 2) = force(3*k - 1:3*k) + friction(3*moving(k))*force(3*k - 2) &
+                  & *step%direction(:, from(moving(k)))
+               a = a + 2
+            end if
+         end do
+      end subroutine apply_laws
+
    end subroutine take_step
 
-   !> d force_t + mu e d force_n + kappa (I - e e^T) (d gap_t - d gap_t,before) = 0, two rows.
-   pure subroutine friction_rows(e, kappa, friction, own, right, before, column, matrix, known)
-      !> (2)
-      real(wp), intent(in) :: e(2)
-      real(wp), intent(in) :: kappa, friction
-      !> (3, free) and (3, columns) forces of the point by the free gaps, and the known part
-      real(wp), intent(in) :: own(:, :), right(:, :)
-      !> (2, columns) tangential gap before
-      real(wp), intent(in) :: before(:, :)
-      !> Free gaps that stand before those of the point
-      integer, intent(in) :: column
-      real(wp), intent(out) :: matrix(:, :), known(:, :)
+   !> kappa (I - e e^T)
+   pure function across_slip(e, kappa) result(across)
+      real(wp), intent(in) :: e(2), kappa
       real(wp) :: across(2, 2)
-      integer :: c
 
       across(1, :) = kappa*[1.0_wp - e(1)*e(1), -e(1)*e(2)]
       across(2, :) = kappa*[-e(2)*e(1), 1.0_wp - e(2)*e(2)]
-      do c = 1, 2
-         matrix(c, :) = own(1 + c, :) + friction*e(c)*own(1, :)
-         known(c, :) = -right(1 + c, :) - friction*e(c)*right(1, :) + matmul(across(c, :), before)
-         matrix(c, column + 1:column + 2) = matrix(c, column + 1:column + 2) + across(c, :)
-      end do
-   end subroutine friction_rows
+   end function across_slip
 
 end module microslip_contact_tangent

@@ -19,6 +19,8 @@ module microslip_linalg_dense
    integer, parameter :: threading_pays = 512
    !> Size from which a factor in single precision with refinement is faster than one in double.
    integer, parameter :: single_precision_pays = 128
+   !> ... with so many rows for every right-hand side: each is refined by products in double.
+   integer, parameter :: few_columns = 20
 
    !> Solve A X = B with the Cholesky factor of A; B holds X on return.
    interface cholesky_solve
@@ -237,7 +239,7 @@ contains
       n = size(a, 1)
       m = size(b, 2)
       allocate (pivot(n))
-      if (n < single_precision_pays) then
+      if (n < max(single_precision_pays, few_columns*m)) then
          call dgesv(n, m, a, n, pivot, b, n, info)
       else
          allocate (x(n, m), work(n, m), single(n*(n + m)))
