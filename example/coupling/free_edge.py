@@ -46,7 +46,7 @@ def case_text(model, where, pad, half):
     return f"""&case title = 'free edge', analyses = 'preload', 'transient' /
 &model source = 'hdf5', file = '{model}.h5' /
 &interface name = 'pads', side_a = 'upper_pad_{pad}', side_b = 'lower_pad_{pad}', axis_1 = 1, 0, 0, friction = 10, {where} /
-&reduction n_modes = 8 /
+&reduction n_modes = 60 /
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {CASE.force * share}, distribution = 'area' /
 &load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {0.01 * CASE.force * share}, distribution = 'area' /
 &preload loads = 'press', 'shear', load_scale = 1.0, 1.0 /

@@ -21,9 +21,9 @@ from two_blocks import Case, build, interface, surface
 CASE = Case(plan=(24.0, 16.0), heights=(6.0, 4.0), hill=6.0, force=1500.0, friction=0.3)
 MASS, SPRING = 200.0, 2.5e8                                      # kg, N/m along x
 AIMED = (0.12, 0.24, 0.38, 0.55)                               # um, of the top; the loops have less
-AMPLITUDES = (0.1, 0.17, 0.27, 0.38)                           # um, where they are compared
+AMPLITUDES = (0.1, 0.18, 0.3, 0.38, 0.46)                       # um, where they are compared
 MESHES = [("resolved", h, None) for h in (1.0, 2 / 3, 0.5)] + \
-         [(c, h, (36, 24)) for c in ("series", "scale_split") for h in (4.0, 2.0)]
+         [(c, h, (24, 16)) for c in ("series", "scale_split") for h in (4.0, 2.0)]
 
 
 def write_model(path, spacing, half):

@@ -104,7 +104,7 @@ def case_text(case, model, where, half, topography):
 &model source = 'hdf5', file = '{model}.h5' /
 &interface name = 'joint', side_a = 'upper_pad', side_b = 'lower_pad', axis_1 = 1, 0, 0, friction = {case.friction}, {where} /
 &topography {topography} /
-&reduction n_modes = 8, cache = '{model}.cache' /
+&reduction n_modes = 60, cache = '{model}.cache' /
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {case.force * share}, distribution = 'area' /
 &load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {0.004 * case.force * share}, distribution = 'area' /
 &preload loads = 'press', 'shear', load_scale = 1.0, 1.0, steps = {case.steps} /
