@@ -4,7 +4,8 @@
     example/coupling/free_edge.py --program MICROSLIP [--work FOLDER]
 
 Two steel blocks of 32 x 12 mm, 6 mm high each, joined by two flat pads of 4 x 12 mm: at the free edges x = -16 and 16 mm, or 4 mm
-from the middle. All of it sticks (friction 10). The top is pressed and sheared along x, across the pads. What the pads add to the
+from the middle. All of it is closed and sticks (initial pressure 10 MPa, friction 10). The top is pressed by 1 N and sheared by 1 N along x,
+across the pads. What the pads add to the
 compliance of the blocks joined all over is compared. Writes free_edge.csv into the work folder.
 """
 import argparse
@@ -17,7 +18,7 @@ from blocks import Body, Model, grid_plan, layers, lines
 from compare import run, write_table
 from two_blocks import SPRING, WALL, Case, interface
 
-CASE = Case(plan=(32.0, 12.0), heights=(6.0, 6.0), force=1000.0)
+CASE = Case(plan=(32.0, 12.0), heights=(6.0, 6.0), force=1.0)
 PADS = {"at the edge": (12.0, 16.0), "inside": (4.0, 8.0), "all over": (0.0, 16.0)}     # mm, abs(x)
 MESHES = [("resolved", h) for h in (1.0, 0.5, 1 / 3)] + [(c, h) for c in ("series", "scale_split") for h in (4.0, 2.0, 1.0)]
 CELL = 1 / 3                                                                            # mm
@@ -45,10 +46,11 @@ def case_text(model, where, pad, half):
     share = 0.5 if half else 1.0
     return f"""&case title = 'free edge', analyses = 'preload', 'transient' /
 &model source = 'hdf5', file = '{model}.h5' /
-&interface name = 'pads', side_a = 'upper_pad_{pad}', side_b = 'lower_pad_{pad}', axis_1 = 1, 0, 0, friction = 10, {where} /
+&interface name = 'pads', side_a = 'upper_pad_{pad}', side_b = 'lower_pad_{pad}', axis_1 = 1, 0, 0, friction = 10,
+   initial_pressure = 10e6, {where} /
 &reduction n_modes = 60 /
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {CASE.force * share}, distribution = 'area' /
-&load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {0.01 * CASE.force * share}, distribution = 'area' /
+&load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {CASE.force * share}, distribution = 'area' /
 &preload loads = 'press', 'shear', load_scale = 1.0, 1.0 /
 &contact tolerance = 1e-8, compliance = 'dense' /
 ! One step of nothing: its first sample is the preload, at the sensors
@@ -71,7 +73,7 @@ def measure(program, work, name, contact, spacing):
     with h5py.File(result) as f:
         moved, counts = f["transient/sensor"][0], [int(f[f"preload/contact/{s}"][()]) for s in ("open", "slip")]
     return dict(pads=name, contact=contact, spacing=spacing, counts=counts,
-                normal=moved[0] / CASE.force, across=moved[1] / (0.01 * CASE.force))
+                normal=moved[0] / CASE.force, across=moved[1] / CASE.force)
 
 
 def main():
