@@ -23,7 +23,7 @@ MASS, SPRING = 200.0, 2.5e8                                      # kg, N/m along
 AIMED = (0.12, 0.24, 0.38, 0.55)                               # um, of the top; the loops have less
 AMPLITUDES = (0.1, 0.18, 0.3, 0.38, 0.46)                       # um, where they are compared
 MESHES = [("resolved", h, None) for h in (1.0, 2 / 3, 0.5)] + \
-         [(c, h, (24, 16)) for c in ("series", "scale_split") for h in (4.0, 2.0)]
+         [(c, h, cells) for c in ("series", "scale_split") for h, cells in ((4.0, (24, 16)), (2.0, (24, 16)), (2.0, (48, 32)))]
 
 
 def write_model(path, spacing, half):
@@ -46,7 +46,7 @@ def case_text(model, where, half, topography):
 &reduction n_modes = 8, cache = '{model}.cache' /
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {CASE.force * (0.5 if half else 1.0)}, distribution = 'area' /
 &preload loads = 'press', load_scale = 1.0 /
-&contact tolerance = 1e-8, compliance = 'dense' /
+&contact tolerance = 1e-8, compliance = '{'dense' if "fe_nodes" in where else 'fft'}' /
 &linear_modes n_modes = 2 /
 &qsma mode = 1, amplitudes = {", ".join(f"{u * 1e-6}" for u in AIMED)}, steps = 4, cycle = .true., cycle_steps = 6 /
 &output sensors = 'upper_end', sensor_direction = 1, 0, 0 /
@@ -58,7 +58,7 @@ def measure(program, work, contact, spacing, cells):
     model = f"loop_{spacing:.4f}{'_half' if half else ''}"
     if not (work / f"{model}.h5").exists():
         write_model(work / f"{model}.h5", spacing, half)
-    result = run(program, work, f"{model}_{contact}",
+    result = run(program, work, f"{model}_{contact}{f'_{cells[0]}' if cells else ''}",
                  case_text(model, interface(CASE, contact, cells), half, surface(CASE, work, "loop", half)))
     if result is None:
         return None
