@@ -10,8 +10,9 @@ COARSE = os.path.join(CASES, "..", "..", "input", "s4_coarse.h5")
 # Factors on the modal load: impacts, and harmonic loads that give about 0.04 mm and 0.13 mm at resonance.
 LOW, MEDIUM, HIGH, SUPER_HIGH = 51.0, 170.0, 510.0, 2040.0
 LEVELS = {"medium": 0.2, "high": 1.6}
-# Hz/s: the less is lost to friction the longer the vibration lags behind a sweep.
+# The less is lost to friction the longer the vibration lags behind a sweep (Hz/s) and takes to become steady.
 RATES = {"medium": 0.0625, "high": 0.125}
+STEADY = {"medium": {"steady_tolerance": "1e-4", "most_windows": "60"}, "high": {"steady_tolerance": "5e-4", "most_windows": "40"}}
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def stages():
                     {"excitation": {"amplitude": str(factor), "rate": str(RATES[level])}})
     for level, factor in LEVELS.items():
         yield Stage(f"stepped_{level}", f"stepped sine by time integration, {level} level", "s4_stepped_sine.nml",
-                    {"excitation": {"amplitude": str(factor)}})
+                    {"excitation": {"amplitude": str(factor)} | STEADY[level]})
 
 
 def case_text(stage, model, folder):
