@@ -108,7 +108,7 @@ def case_text(case, model, where, half, topography):
 &load name = 'press', node_set = 'upper_end', direction = 0, 0, -1, size = {case.force * share}, distribution = 'area' /
 &load name = 'shear', node_set = 'upper_end', direction = 1, 0, 0, size = {0.004 * case.force * share}, distribution = 'area' /
 &preload loads = 'press', 'shear', load_scale = 1.0, 1.0, steps = {case.steps} /
-&contact tolerance = 1e-7, compliance = 'dense' /
+&contact tolerance = 1e-7, compliance = '{'dense' if "fe_nodes" in where else 'fft'}' /
 ! One step of nothing: its first sample is the preload, at the sensors
 &transient time_step = 1e-8, duration = 2e-8 /
 &excitation load = 'shear', kind = 'half_sine', amplitude = 1e-9, duration = 1e-8 /
