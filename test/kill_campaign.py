@@ -70,6 +70,16 @@ def processor_time():
     return used.ru_utime + used.ru_stime
 
 
+def fill(path):
+    """A file of all the room that is left."""
+    with open(path, "wb", buffering=0) as file:
+        try:
+            while True:
+                file.write(bytes(4096))
+        except OSError:
+            pass
+
+
 class Campaign:
     def __init__(self, program, folder, seed):
         self.program, self.folder = program, folder
@@ -207,20 +217,24 @@ class Campaign:
         disk = os.path.join(self.folder, "disk")
         os.mkdir(disk)
         whole = os.path.getsize(os.path.join(self.folder, "reference.h5"))
-        mount = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={whole}", "tmpfs", disk], capture_output=True, check=False)
+        mount = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={16*whole}", "tmpfs", disk], capture_output=True, check=False)
         if mount.returncode != 0:
             print("skipped: a full disk and one that may not be written (no permission to mount one)", flush=True)
             return
         try:
             path = os.path.join(disk, "result.h5")
             process = self.start("--output", path)
+            while process.poll() is None and not os.path.exists(path):
+                time.sleep(0.001)
+            filler = os.path.join(disk, "filler")  # what was free when the run began is taken by others
+            fill(filler)
             message = process.communicate()[1]
             faults = [] if process.returncode == 1 else [f"status {process.returncode}"]
             faults += [] if "cannot" in message else [f"message '{message.strip()}'"]
             faults += self.check_beginning(path) if os.path.exists(path) else ["nothing was published"]
             faults += ["the working file is left"] if os.path.exists(path + ".part") else []
             self.verdict("full disk", faults)
-            subprocess.run(["mount", "-o", f"remount,size={4*whole}", disk], check=True)
+            os.remove(filler)
             self.verdict("room on the disk that was full", self.go_on(path, []))
             subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
             start = processor_time()

@@ -34,8 +34,7 @@ contains
          & new_unittest('a file that is too large is refused before anything is computed', test_disk), &
          & new_unittest('the same where the reduction tells the time step', test_disk_behind_reduction), &
          & new_unittest('matrices that are too large are refused', test_matrices), &
-         & new_unittest('grids that are too large are refused', test_grids), &
-         & new_unittest('fifty times as many steps take no more memory', test_steps)]
+         & new_unittest('grids that are too large are refused', test_grids)]
    end subroutine collect_cli_demand
 
    !> The shipped case on grids of nx x ny, all points in potential contact, with other groups for time and output.
@@ -204,28 +203,5 @@ contains
       call check_refused(error, lib, 'grids of')
       call clean_up()
    end subroutine test_grids
-
-   subroutine test_steps(error)
-      type(testing_error), allocatable, intent(out) :: error
-      !> Bytes: pieces of the heap that are not given back
-      real(wp), parameter :: noise = 1.0e7_wp
-      !> Steps of the first run; both publish at their ends alone
-      integer, parameter :: steps = 400
-      type(error_t), allocatable :: lib
-      real(wp) :: memory(2)
-      integer :: k
-
-      ! The first run warms up.
-      do k = 0, 2
-         call run_case(case_text('nx = 6, ny = 4', "&transient duration = "// &
-            & to_text(2.0e-5_wp*steps*merge(50, 1, k == 2))//", time_step = 2e-5 / &output sensors = 'sensor', stride = 2 /"), &
-            & case_path, result_path, lib)
-         call good(error, lib)
-         if (allocated(error)) exit
-         if (k > 0) memory(k) = resident_memory()
-      end do
-      if (.not. allocated(error)) call check(error, memory(2) - memory(1) < noise, to_text(memory(2) - memory(1))//' B more')
-      call clean_up()
-   end subroutine test_steps
 
 end module test_cli_demand

@@ -202,6 +202,7 @@ contains
       end do
       if (.not. some) return
       call apply_changes(blocks, coupling)
+      changed = .false.
       call assess_all(blocks, changed, .true., residual)
    end subroutine prescribe
 
