@@ -329,7 +329,8 @@ contains
          record%error_estimate = solved%error_estimate
          if (.not. solved%converged) then
             call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
-               & ' of the largest force after '//to_text(solved%iterations)//' iterations)')
+               & ' of the largest force after '//to_text(solved%iterations)// &
+               & " iterations); more load steps (steps in &preload) or another solver (compliance = 'fft' in &contact) may help")
             return
          end if
          record%interface_force = system%interface_forces(trial_state%force)
