@@ -1,5 +1,7 @@
 """Runs of the program and pressure fields of different meshes side by side."""
+import argparse
 import csv
+import pathlib
 import subprocess
 
 import h5py
@@ -8,6 +10,22 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import cKDTree
 
 MM = 1e-3
+
+
+def full_path(path):
+    return str(pathlib.Path(path).resolve())
+
+
+def command_line(description, work, **options):
+    """Arguments of a study: --program, --work (a folder, made if need be) and `options`, the keywords of each."""
+    arguments = argparse.ArgumentParser(description=description.split("\n")[0])
+    arguments.add_argument("--program", required=True, type=full_path)
+    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path(work))
+    for name, keywords in options.items():
+        arguments.add_argument(f"--{name}", **keywords)
+    a = arguments.parse_args()
+    a.work.mkdir(exist_ok=True)
+    return a
 
 
 def run(program, work, name, text):

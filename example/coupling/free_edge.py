@@ -8,14 +8,12 @@ from the middle. All of it is closed and sticks (initial pressure 10 MPa, fricti
 across the pads. What the pads add to the
 compliance of the blocks joined all over is compared. Writes free_edge.csv into the work folder.
 """
-import argparse
-import pathlib
 
 import h5py
 import numpy as np
 
 from blocks import Body, Model, grid_plan, layers, lines
-from compare import run, write_table
+from compare import command_line, run, write_table
 from two_blocks import SPRING, WALL, Case, interface
 
 CASE = Case(plan=(32.0, 12.0), heights=(6.0, 6.0), force=1.0)
@@ -77,11 +75,7 @@ def measure(program, work, name, contact, spacing):
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--program", required=True, type=lambda p: str(pathlib.Path(p).resolve()))
-    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("free_edge"))
-    a = arguments.parse_args()
-    a.work.mkdir(exist_ok=True)
+    a = command_line(__doc__, "free_edge")
     whole = measure(a.program, a.work, "all over", "resolved", 1.0)
     table = []
     for name in list(PADS)[:2]:

@@ -8,14 +8,12 @@ by a spring: the first mode is its motion, and quasi-static modal analysis with 
 that are, but for 0.1 %, the same on all meshes. Loss of a cycle and secant stiffness (less the spring's) over the amplitude of the top.
 Writes friction_loop.csv and friction_loop.png into the work folder.
 """
-import argparse
-import pathlib
 
 import h5py
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from compare import run, write_table
+from compare import command_line, run, write_table
 from two_blocks import Case, build, interface, surface
 
 CASE = Case(plan=(24.0, 16.0), heights=(6.0, 4.0), hill=6.0, force=1500.0, friction=0.3)
@@ -112,11 +110,7 @@ def draw(path, results):
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--program", required=True, type=lambda p: str(pathlib.Path(p).resolve()))
-    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("friction_loop"))
-    a = arguments.parse_args()
-    a.work.mkdir(exist_ok=True)
+    a = command_line(__doc__, "friction_loop")
     results = [r for mesh in MESHES if (r := measure(a.program, a.work, *mesh))]
     reference = [r for r in results if r["contact"] == "resolved"][-1]
     write_table(a.work / "friction_loop.csv", list(rows(results, reference)))

@@ -9,14 +9,12 @@ modal analysis of the first bending mode in the plane of the joint, in which the
 bolt. Coarse FE meshes with a boundary-element grid and coupling = 'series' and 'scale_split', fine ones with contact at the
 FE nodes as the reference. Writes lap_joint.csv and coupling_lap_joint.png into the work folder.
 """
-import argparse
-import pathlib
 
 import h5py
 import numpy as np
 
 from blocks import MM, STEEL, Body, Model, grid_plan, layers, lines
-from compare import Raster, contact_points, distance, run, write_table
+from compare import Raster, command_line, contact_points, distance, run, write_table
 
 LENGTH, WIDTH, THICK, OVERLAP = 100.0, 24.0, 6.0, 40.0         # mm: a strip, and what both share
 BORE, WASHER, BOLT, CROWN = 8.0, 16.0, 3000.0, 10.0            # mm, mm, N, um of gap at the corners of the pads
@@ -148,13 +146,8 @@ def draw(path, results):
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--program", required=True, type=lambda p: str(pathlib.Path(p).resolve()))
-    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("lap_joint"))
-    arguments.add_argument("--coarse", type=float, nargs="+", default=[4.0, 2.0])
-    arguments.add_argument("--resolved", type=float, nargs="+", default=[2.0, 4 / 3, 1.0, 0.8])
-    a = arguments.parse_args()
-    a.work.mkdir(exist_ok=True)
+    a = command_line(__doc__, "lap_joint", coarse=dict(type=float, nargs="+", default=[4.0, 2.0]),
+                     resolved=dict(type=float, nargs="+", default=[2.0, 4 / 3, 1.0, 0.8]))
     results = [measure(a.program, a.work, contact, h)
                for contact, spacings in (("resolved", a.resolved), ("series", a.coarse), ("scale_split", a.coarse))
                for h in spacings]

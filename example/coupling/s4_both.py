@@ -7,7 +7,6 @@
 turn, first one coupling, then the other, and processor time is what counts: the machine may be busy. Writes s4_both.csv,
 s4_both_curves.csv and coupling_s4.png into the work folder.
 """
-import argparse
 import json
 import os
 import pathlib
@@ -21,7 +20,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "s4_beam/report"))
 
 from case_edits import edited                                   # noqa: E402
-from compare import run, write_table                            # noqa: E402
+from compare import command_line, full_path, run, write_table     # noqa: E402
 
 COUPLINGS = ("series", "scale_split")
 MM = 1e-3
@@ -126,15 +125,8 @@ def top_pressure(statics):
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    path = lambda p: str(pathlib.Path(p).resolve())
-    arguments.add_argument("--program", required=True, type=path)
-    arguments.add_argument("--model", required=True, type=path)
-    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("s4_both"))
-    arguments.add_argument("--repeats", type=int, default=3)
-    arguments.add_argument("--duration", type=float, default=0.2, help="of the time integrations, s")
-    a = arguments.parse_args()
-    a.work.mkdir(exist_ok=True)
+    a = command_line(__doc__, "s4_both", model=dict(required=True, type=full_path), repeats=dict(type=int, default=3),
+                     duration=dict(type=float, default=0.2, help="of the time integrations, s"))
     statics = {c: quasi_static(a, c) for c in COUPLINGS}
     transients = {c: [] for c in COUPLINGS}
     for k in range(a.repeats):

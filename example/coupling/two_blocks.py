@@ -8,15 +8,13 @@ boundary-element grid and coupling = 'series' and 'scale_split', fine ones with 
 the reference; the fine ones are halves, y > 0, held by stiff springs in the plane of symmetry. Writes a table and a picture
 per case into the work folder.
 """
-import argparse
-import pathlib
 from dataclasses import dataclass
 
 import h5py
 import numpy as np
 
 from blocks import ALUMINIUM, MM, STEEL, Body, Model, bored_plan, grid_plan, layers, lines
-from compare import Raster, contact_points, distance, run, write_table
+from compare import Raster, command_line, contact_points, distance, run, write_table
 
 SPRING, WALL = 1e6, 1e12                       # N/m: all that holds the upper block where nothing touches; a symmetry node
 
@@ -191,12 +189,7 @@ def draw(path, name, case, results):
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--program", required=True, type=lambda p: str(pathlib.Path(p).resolve()))
-    arguments.add_argument("--work", type=pathlib.Path, default=pathlib.Path("two_blocks"))
-    arguments.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
-    a = arguments.parse_args()
-    a.work.mkdir(exist_ok=True)
+    a = command_line(__doc__, "two_blocks", cases=dict(nargs="+", choices=CASES, default=list(CASES)))
     for name in a.cases:
         case = CASES[name]
         results = [measure(a.program, a.work, name, case, h, "resolved") for h in case.resolved]
