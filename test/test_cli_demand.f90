@@ -152,15 +152,14 @@ contains
    subroutine test_disk(error)
       type(testing_error), allocatable, intent(out) :: error
       type(error_t), allocatable :: lib
+      character(len=:), allocatable :: text
 
       if (free_space('build/') < 0.0_wp) return
-      call run_case(case_text('nx = 10, ny = 6', &
-         & "&transient duration = 9e3, time_step = 1e-5 / &output sensors = 1000*'sensor' /"), case_path, result_path, lib)
+      text = case_text('nx = 10, ny = 6', "&transient duration = 9e3, time_step = 1e-5 / &output sensors = 1000*'sensor' /")
+      call run_case(text, case_path, result_path, lib)
       call check_refused(error, lib, 'recorded steps of')
       if (.not. allocated(error)) then
-         call run_case(case_text('nx = 10, ny = 6', &
-            & "&transient duration = 9e3, time_step = 1e-5 / &output sensors = 1000*'sensor' /"), case_path, result_path, lib, &
-            & check_only=.true.)
+         call run_case(text, case_path, result_path, lib, check_only=.true.)
          call check_refused(error, lib, 'would need about')
       end if
       call clean_up()

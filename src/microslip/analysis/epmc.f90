@@ -49,7 +49,9 @@ module microslip_analysis_epmc
       !> omega_0, rad/s
       real(wp) :: omega = 0.0_wp
       !> Lengths of log10 a and of the others
-      real(wp) :: amplitude_step = 0.0_wp, response_step = 0.0_wp, tolerance = 0.0_wp
+      real(wp) :: amplitude_step = 0.0_wp, response_step = 0.0_wp
+      !> Largest scaled residual of a point
+      real(wp) :: tolerance = 0.0_wp
       class(response_recorder_t), pointer :: recorder => null()
    contains
       procedure :: residual

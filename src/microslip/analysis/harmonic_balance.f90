@@ -47,7 +47,10 @@ module microslip_analysis_harmonic_balance
       type(periodic_balance_t) :: balance
       !> (modes) level f
       real(wp), allocatable :: load(:)
-      real(wp) :: frequency_step = 0.0_wp, response_step = 0.0_wp, tolerance = 0.0_wp
+      !> Lengths of the frequency, Hz, and of the others
+      real(wp) :: frequency_step = 0.0_wp, response_step = 0.0_wp
+      !> Largest scaled residual of a point
+      real(wp) :: tolerance = 0.0_wp
       class(response_recorder_t), pointer :: recorder => null()
    contains
       procedure :: residual
