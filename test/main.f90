@@ -20,6 +20,7 @@ program main
    use test_cli_restart, only: collect_cli_restart
    use test_analysis_restart, only: collect_analysis_restart
    use test_core_archive, only: collect_core_archive
+   use test_core_warning_list, only: collect_core_warning_list
    use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
@@ -102,6 +103,7 @@ program main
       & new_testsuite("cli_restart", collect_cli_restart), &
       & new_testsuite("analysis_restart", collect_analysis_restart), &
       & new_testsuite("core_archive", collect_core_archive), &
+      & new_testsuite("core_warning_list", collect_core_warning_list), &
       & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &

@@ -1,9 +1,10 @@
 !> What the log and the result file say of half space and FE mesh: lines, warnings at their limits, the error estimate.
 module test_cli_coupling_report
-   use microslip_cli_coupling_report, only: report_estimate, report_mesh
+   use microslip_cli_coupling_report, only: check_mesh, report_estimate, report_mesh
    use microslip_cli_log, only: log_t
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_interface_mesh, only: interface_mesh_t
    use microslip_io_coupling_results, only: write_couplings
    use microslip_io_hdf5, only: hdf5_file_t
@@ -17,7 +18,7 @@ module test_cli_coupling_report
    public :: collect_cli_coupling_report
 
    character(len=*), parameter :: path = 'build/test_cli_coupling_report.h5'
-   character(len=*), parameter :: warning = "warning, interface 'joint': "
+   character(len=*), parameter :: warning = "interface 'joint': "
 
 contains
 
@@ -48,11 +49,16 @@ contains
       type(coupling_error_t), intent(in), optional :: estimate
       character(len=:), allocatable :: text
       type(log_t) :: log
+      type(warning_list_t) :: warnings
       character(len=400) :: line
       integer :: status
 
       open (newunit=log%unit, status='scratch', action='readwrite')
-      if (present(mesh)) call report_mesh(log, pad, mesh)
+      if (present(mesh)) then
+         call report_mesh(log, pad, mesh)
+         call check_mesh(pad, mesh, warnings)
+         call log%warnings(warnings)
+      end if
       if (present(estimate)) call report_estimate(log, pad, estimate)
       rewind (log%unit)
       text = ''

@@ -2,9 +2,9 @@
 module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
-   use microslip_cli_coupling_report, only: report_mesh
+   use microslip_cli_coupling_report, only: check_mesh, report_mesh
    use microslip_cli_demand, only: check_demand, check_grids, estimate_demand, in_words
-   use microslip_cli_log, only: log_t
+   use microslip_cli_log, only: log_t, warnings_in_words
    use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
@@ -94,17 +94,25 @@ contains
       end if
       call check_grids(run%case, error)
       if (.not. allocated(error)) call build_scene(run%case, run%scene, error)
-      if (allocated(error)) return
+      call run%warnings%append(run%scene%warnings)
+      if (allocated(error)) then
+         call run%log%warnings(run%warnings)
+         return
+      end if
       call run%clock%stop('read')
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
       do k = 1, size(run%scene%pads)
          if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &
             & call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
+         call check_mesh(run%scene%pads(k), run%scene%meshes(k), run%warnings)
       end do
       call check_demand(run%demand, output_path(run%case, line), error)
-      if (allocated(error) .or. line%check) return
-      call compute(run, line, command, error)
+      if (.not. (allocated(error) .or. line%check)) call compute(run, line, command, error)
+      call run%log%warnings(run%warnings)
+      if (allocated(error)) return
+      if (line%check) call run%log%line('checked, nothing was run'//warnings_in_words(run%warnings))
+      if (.not. line%check) call run%log%line('results in '//output_path(run%case, line)//warnings_in_words(run%warnings))
    end subroutine run_case
 
    !> Everything after the input is known to be right.
@@ -155,16 +163,15 @@ contains
 
       call release_signals()
       call run%results%write_timing(run%clock%stage, run%clock%seconds, run%clock%count, ignored)
+      if (.not. allocated(ignored)) call run%results%write_warnings(run%warnings, ignored)
       call run%results%close(ignored)
       call run%log%timing(run%clock)
       call run%log%line('memory: '//in_words(peak_memory())//' at the peak, '// &
          & in_words(run%demand%memory_now + run%demand%memory_more)//' were estimated')
       if (.not. allocated(error) .and. allocated(ignored)) call move_alloc(ignored, error)
-      if (.not. allocated(error)) then
-         call run%log%line('results in '//path)
-      else if (error%status > status_of_signal) then
-         error%message = run%case%path//': '//error%message//'; '//path//' has the results up to here, --restart goes on'
-      end if
+      if (.not. allocated(error)) return
+      if (error%status > status_of_signal) error%message = run%case%path//': '//error%message//'; '//path &
+         & //' has the results up to here, --restart goes on'
    end subroutine finish
 
    !> Where the results go.

@@ -58,6 +58,7 @@ contains
          return
       end if
       call run%results%resume(path, error)
+      if (.not. allocated(error)) call run%results%read_warnings(run%warnings, error)
       if (allocated(error)) return
       call run%log%line('restart: goes on with '//path//', finished: '//to_text(run%checkpoint%analyses)//' of ' &
          & //to_text(size(run%case%analyses))//' analyses')
@@ -96,7 +97,8 @@ contains
       type(archive_t) :: archive
 
       call pass(run, archive)
-      call keep_analysis(run%results, analyses, archive%contents(), error)
+      call run%results%write_warnings(run%warnings, error)
+      if (.not. allocated(error)) call keep_analysis(run%results, analyses, archive%contents(), error)
       call run%clock%stop('write')
    end subroutine keep_run
 

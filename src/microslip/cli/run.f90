@@ -12,6 +12,7 @@ module microslip_cli_run
    use microslip_core_kinds, only: wp, pi
    use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_case, only: case_t
    use microslip_io_checkpoint, only: checkpoint_t
@@ -38,6 +39,8 @@ module microslip_cli_run
       type(checkpoint_t) :: checkpoint
       type(stopwatch_t) :: clock
       type(log_t) :: log
+      !> What is doubtful about the input and the results
+      type(warning_list_t) :: warnings
    end type run_t
 
 contains

@@ -3,6 +3,7 @@ module microslip_cli_scene
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp, pi
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_element, only: cross_product
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
@@ -53,6 +54,8 @@ module microslip_cli_scene
       character(len=64), allocatable :: load_names(:)
       !> (excitations) functions of time from files
       type(table_t), allocatable :: tables(:)
+      !> What is doubtful about the input
+      type(warning_list_t) :: warnings
    end type scene_t
 
 contains

@@ -15,6 +15,7 @@ module microslip_io_results
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp, pi
    use microslip_core_stopwatch, only: wall_time
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
    use microslip_io_hdf5, only: hdf5_file_t
@@ -33,6 +34,7 @@ module microslip_io_results
 
    !> Behind the name of the file that is worked on.
    character(len=*), parameter :: unfinished = '.part'
+   character(len=*), parameter :: warnings_group = '/warnings'
    !> Largest part of the wall time that may go into publishing.
    real(wp), parameter :: publishing_share = 0.02_wp
 
@@ -59,6 +61,8 @@ module microslip_io_results
       procedure :: write_preload
       procedure :: write_linear_modes
       procedure :: write_timing
+      procedure :: write_warnings
+      procedure :: read_warnings
       procedure :: close => close_results
    end type results_t
 
@@ -390,6 +394,45 @@ contains
    end subroutine write_timing
 
    ! ------------------------------------------------------------------------------------------------- put
+
+   !> Warnings up to now, worst first: attribute `warnings` of '/' (how many), and /warnings if there are any.
+   subroutine write_warnings(self, warnings, error)
+      class(results_t), intent(in) :: self
+      type(warning_list_t), intent(in) :: warnings
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: text(:)
+      integer :: k
+
+      call self%file%set_attribute('/', 'warnings', warnings%number(), error)
+      if (.not. allocated(error)) call self%file%delete(warnings_group, error)
+      if (allocated(error) .or. warnings%number() == 0) return
+      allocate (character(len=maxval([(len(warnings%text(k)), k=1, warnings%number())])) :: text(warnings%number()))
+      do k = 1, size(text)
+         text(k) = warnings%text(k)
+      end do
+      call put(self%file, warnings_group//'/text', text, 'what is doubtful about the input or the results, worst first', error)
+      call put(self%file, warnings_group//'/severity', [(warnings%severity(k), k=1, size(text))], '1', &
+         & '1: worth a look, 2: doubtful, 3: most likely wrong', error)
+   end subroutine write_warnings
+
+   !> Warnings that an interrupted run left in the file.
+   subroutine read_warnings(self, warnings, error)
+      class(results_t), intent(in) :: self
+      !> They are added to it
+      type(warning_list_t), intent(inout) :: warnings
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: text(:)
+      integer, allocatable :: severity(:)
+      integer :: k
+
+      if (.not. self%file%has(warnings_group)) return
+      call self%file%read(warnings_group//'/text', text, error)
+      if (.not. allocated(error)) call self%file%read(warnings_group//'/severity', severity, error)
+      if (allocated(error)) return
+      do k = 1, min(size(text), size(severity))
+         call warnings%add(severity(k), trim(text(k)))
+      end do
+   end subroutine read_warnings
 
    subroutine put_real(file, path, value, units, description, error)
       type(hdf5_file_t), intent(in) :: file
