@@ -3,6 +3,7 @@ module test_io_mesh_file
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_model, only: fe_model_t
    use microslip_io_mesh_file, only: read_mesh
    use support_checks, only: good, remove
@@ -38,13 +39,14 @@ contains
    subroutine test_abaqus(error)
       type(testing_error), allocatable, intent(out) :: error
       type(fe_model_t) :: model
+      type(warning_list_t) :: warnings
       type(error_t), allocatable :: lib
 
       call write_file(inp, [character(len=width) :: '*Heading', ' * not a card', '** comment', '*node, NSET="all nodes"', &
          cube, '*NODE FILE', 'U', '*element, elset=e,', ' type=c3d8i', '7, 10,20,30,40, 50,60,70,80', '', '*NSET,NSET=odd', &
          '10, 30,', '** comment', '50', '*nset, nset=Even, GENERATE', '20,80,20', '*NSET,NSET=BOTH', 'ODD, 20', 'even,', &
          '*NSET,NSET=odd', '70', '*STEP', '*CLOAD', 'ODD,3,1.', '*END STEP'])
-      call read_mesh(inp, model, lib)
+      call read_mesh(inp, model, warnings, lib)
       call good(error, lib)
       if (allocated(error)) return
       call check(error, all(model%node_label == [10, 20, 30, 40, 50, 60, 70, 80]), 'labels differ')
@@ -65,6 +67,7 @@ contains
    subroutine test_abaqus_20(error)
       type(testing_error), allocatable, intent(out) :: error
       type(fe_model_t) :: model
+      type(warning_list_t) :: warnings
       type(error_t), allocatable :: lib
       character(len=width) :: nodes(20)
       integer :: k
@@ -75,7 +78,7 @@ contains
       call write_file(scratch//'_nodes.inc', [character(len=width) :: '*NODE', nodes])
       call write_file(inp, [character(len=width) :: '*INCLUDE, INPUT=test_io_mesh_file_nodes.inc', &
          '*ELEMENT, TYPE=C3D20R', '1,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,', '16,17,18,19,20'])
-      call read_mesh(inp, model, lib)
+      call read_mesh(inp, model, warnings, lib)
       call good(error, lib)
       if (allocated(error)) return
       call check_middles(error, model, 'C3D20R')
@@ -111,6 +114,7 @@ contains
    subroutine test_gmsh_4(error)
       type(testing_error), allocatable, intent(out) :: error
       type(fe_model_t) :: model
+      type(warning_list_t) :: warnings
       type(error_t), allocatable :: lib
 
       call write_file(msh, [character(len=width) :: '$MeshFormat', '4.1 0 8', '$EndMeshFormat', &
@@ -119,7 +123,7 @@ contains
          '$Nodes', '2 8 1 8', '2 5 0 4', '1', '4', '5', '8', '0 0 0', '0 1 0', '0 0 1', '0 1 1', &
          '3 1 0 4', '2', '3', '6', '7', '1 0 0', '1 1 0', '1 0 1', '1 1 1', '$EndNodes', &
          '$Elements', '3 3 1 3', '0 1 15 1', '1 1', '2 5 3 1', '2 1 5 8 4', '3 1 5 1', '3 1 2 3 4 5 6 7 8', '$EndElements'])
-      call read_mesh(msh, model, lib)
+      call read_mesh(msh, model, warnings, lib)
       call good(error, lib)
       if (allocated(error)) return
       call check(error, all(model%coordinates == real(corner, wp)), 'coordinates differ')
@@ -136,6 +140,7 @@ contains
    subroutine test_gmsh_2(error)
       type(testing_error), allocatable, intent(out) :: error
       type(fe_model_t) :: model
+      type(warning_list_t) :: warnings
       type(error_t), allocatable :: lib
       character(len=width) :: nodes(20)
       !> gmsh's edges of a brick
@@ -152,7 +157,7 @@ contains
       call write_file(msh, [character(len=width) :: '$MeshFormat', '2.2 0 8', '$EndMeshFormat', '$Nodes', '20', nodes, &
          '$EndNodes', '$Elements', '2', '1 16 2 4 1 1 5 8 4 11 18 16 10', &
          '2 17 2 1 1 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20', '$EndElements'])
-      call read_mesh(msh, model, lib)
+      call read_mesh(msh, model, warnings, lib)
       call good(error, lib)
       if (allocated(error)) return
       call check_middles(error, model, 'C3D20')
@@ -201,9 +206,10 @@ contains
       subroutine expect(path, lines, needle)
          character(len=*), intent(in) :: path, lines(:), needle
          type(fe_model_t) :: model
+         type(warning_list_t) :: warnings
          type(error_t), allocatable :: lib
          call write_file(path, lines)
-         call read_mesh(path, model, lib)
+         call read_mesh(path, model, warnings, lib)
          call remove(path)
          if (.not. allocated(lib)) then
             call test_failed(error, 'no error reported, expected one about '//needle)

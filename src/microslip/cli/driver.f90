@@ -87,8 +87,9 @@ contains
       if (allocated(error)) return
       call run%log%title('microslip '//program_version//': '//trim(run%case%title)//' ('//path//')')
       if (allocated(line%write_model)) then
-         call read_model(run%case, model, error)
+         call read_model(run%case, model, run%warnings, error)
          if (.not. allocated(error)) call write_model_hdf5(line%write_model, model, error)
+         call run%log%warnings(run%warnings)
          if (.not. allocated(error)) call run%log%line('FE model written to '//line%write_model)
          return
       end if

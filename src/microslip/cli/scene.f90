@@ -61,9 +61,11 @@ module microslip_cli_scene
 contains
 
    !> Read the FE model of a case.
-   subroutine read_model(case, model, error)
+   subroutine read_model(case, model, warnings, error)
       type(case_t), intent(in) :: case
       type(fe_model_t), intent(out) :: model
+      !> Grows by what is doubtful about the model
+      type(warning_list_t), intent(inout) :: warnings
       type(error_t), allocatable, intent(out) :: error
 
       associate (source => case%model)
@@ -71,7 +73,8 @@ contains
             call read_model_hdf5(case%located(source%file), model, error)
          else
             call read_model_calculix(case%located(source%file), case%located(source%mesh_file), &
-               & unit_in_si(source%unit_length), unit_in_si(source%unit_mass), unit_in_si(source%unit_time), model, error)
+               & unit_in_si(source%unit_length), unit_in_si(source%unit_mass), unit_in_si(source%unit_time), model, error, &
+               & warnings=warnings)
          end if
       end associate
       if (.not. allocated(error)) then
@@ -104,7 +107,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      call read_model(case, scene%model, error)
+      call read_model(case, scene%model, scene%warnings, error)
       if (allocated(error)) return
       allocate (scene%pads(size(case%interfaces)), scene%meshes(size(case%interfaces)))
       do k = 1, size(case%interfaces)

@@ -9,7 +9,7 @@ module microslip_fe_model
 
    !> All elements of one type.
    type :: element_block_t
-      !> 'C3D8', 'C3D8I', 'C3D20' or 'C3D20R'
+      !> As in Abaqus and CalculiX, in capitals
       character(len=:), allocatable :: type
       !> (nodes per element, elements) indices into the node list, Abaqus/CalculiX node order
       integer, allocatable :: connectivity(:, :)
@@ -20,6 +20,8 @@ module microslip_fe_model
       character(len=:), allocatable :: name
       !> Indices into the node list, ascending
       integer, allocatable :: nodes(:)
+      !> What is wrong with the set, in words: it is refused where it is used. Not allocated: nothing
+      character(len=:), allocatable :: fault
    end type node_set_t
 
    !> Mesh and matrices. Supported degrees of freedom have no row in the matrices.
@@ -28,7 +30,10 @@ module microslip_fe_model
       real(wp), allocatable :: coordinates(:, :)
       !> (nodes) the numbers the nodes have in the FE program, ascending
       integer, allocatable :: node_label(:)
+      !> Bricks (C3D8, C3D8I, C3D20, C3D20R), whose faces can be joints
       type(element_block_t), allocatable :: elements(:)
+      !> All other elements, down to springs and masses with one node: they join nodes, and have no faces that are known
+      type(element_block_t), allocatable :: other_elements(:)
       type(node_set_t), allocatable :: node_sets(:)
       !> (rows) node index and component (1, 2, 3 = x, y, z) of every matrix row
       integer, allocatable :: row_node(:), row_component(:)

@@ -7,6 +7,7 @@ module microslip_io_calculix
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_condensation, only: condense_hidden
    use microslip_fe_model, only: fe_model_t
    use microslip_io_line_reader, only: line_reader_t, next_integer, next_real
@@ -33,7 +34,7 @@ contains
 
    !> Read matrices and mesh and make a model in SI units of them.
    subroutine read_model_calculix(matrix_base, mesh_path, unit_length, unit_mass, unit_time, model, error, &
-      condense_hidden_mass)
+      condense_hidden_mass, warnings)
       !> Path of the matrix files without .sti, .mas, .dof
       character(len=*), intent(in) :: matrix_base
       !> .inp or .msh file with all nodes
@@ -46,11 +47,15 @@ contains
       !> Whether the hidden nodes' mass goes to the others as CalculiX has it (default), or is left out: then the mass
       !> couples equal components of nodes only and is stored in a ninth of the space
       logical, intent(in), optional :: condense_hidden_mass
+      !> Grows by what is doubtful about the files
+      type(warning_list_t), intent(inout), optional :: warnings
       type(calculix_matrices_t) :: matrices
+      type(warning_list_t) :: found
       integer, allocatable :: kept(:), node(:)
       logical :: with_mass
 
-      call read_mesh(mesh_path, model, error)
+      call read_mesh(mesh_path, model, found, error)
+      if (present(warnings)) call warnings%append(found)
       if (allocated(error)) return
       call read_calculix_matrices(matrix_base, matrices, error)
       if (allocated(error)) return

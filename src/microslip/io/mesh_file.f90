@@ -2,6 +2,7 @@
 module microslip_io_mesh_file
    use microslip_core_error, only: error_t
    use microslip_core_text, only: lower_case
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_model, only: fe_model_t
    use microslip_io_mesh_abaqus, only: read_mesh_abaqus
    use microslip_io_mesh_builder, only: mesh_builder_t
@@ -14,11 +15,13 @@ module microslip_io_mesh_file
 contains
 
    !> Read nodes (labels ascending), elements and node sets; a name ending in .msh means gmsh, any other Abaqus.
-   subroutine read_mesh(path, model, error)
+   subroutine read_mesh(path, model, warnings, error)
       !> Where the mesh is
       character(len=*), intent(in) :: path
       !> The mesh, in the file's unit of length; no matrices
       type(fe_model_t), intent(out) :: model
+      !> What is doubtful about the file
+      type(warning_list_t), intent(out) :: warnings
       type(error_t), allocatable, intent(out) :: error
       type(mesh_builder_t) :: builder
 
