@@ -7,23 +7,25 @@ program main
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: watch_signals
    use microslip_core_version, only: program_version
+   use microslip_core_warning_list, only: warning_list_t
    implicit none(type, external)
 
    type(command_line_t) :: line
    type(error_t), allocatable :: error
-   character(len=:), allocatable :: warning
+   type(warning_list_t) :: warnings
 
-   call prepare_process(warning)
-   if (warning /= '') write (error_unit, '(2a)') 'microslip: warning: ', warning
-   call watch_signals()
-   call parse_command_line(process_arguments(), line, error)
+   call prepare_process(warnings, error)
+   if (.not. allocated(error)) then
+      call watch_signals()
+      call parse_command_line(process_arguments(), line, error)
+   end if
    if (.not. allocated(error)) then
       if (line%help) then
          write (output_unit, '(a)') help_text()
       else if (line%version) then
          write (output_unit, '(2a)') 'microslip ', program_version
       else
-         call run_cases(line, error)
+         call run_cases(line, error, warnings)
       end if
    end if
    if (allocated(error)) then

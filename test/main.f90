@@ -21,6 +21,7 @@ program main
    use test_analysis_restart, only: collect_analysis_restart
    use test_core_archive, only: collect_core_archive
    use test_core_warning_list, only: collect_core_warning_list
+   use test_core_machine_memory, only: collect_core_machine_memory
    use test_analysis_transient, only: collect_analysis_transient
    use test_calculix_agreement, only: collect_calculix_agreement
    use test_cli, only: collect_cli
@@ -71,16 +72,28 @@ program main
    use test_surface_height_map, only: collect_surface_height_map
    use test_surface_topography, only: collect_surface_topography
    use microslip_cli_process_environment, only: prepare_process
+   use microslip_cli_threads, only: choose_threads
+   use microslip_core_error, only: error_t
+   use microslip_core_warning_list, only: warning_list_t
    use testdrive, only: run_testsuite, run_selected, new_testsuite, testsuite_type, unittest_type, select_suite, &
       & get_argument
    implicit none(type, external)
    type(testsuite_type), allocatable :: suites(:)
    type(unittest_type), allocatable :: tests(:)
-   character(len=:), allocatable :: suite, test, warning
+   character(len=:), allocatable :: suite, test
+   type(warning_list_t) :: warnings
+   type(error_t), allocatable :: error
    integer :: k, total, failed
 
-   call prepare_process(warning)
-   if (warning /= '') write (error_unit, '(a)') warning
+   call prepare_process(warnings, error)
+   if (.not. allocated(error)) call choose_threads(0, warnings, error)
+   do k = 1, warnings%number()
+      write (error_unit, '(a)') warnings%text(k)
+   end do
+   if (allocated(error)) then
+      write (error_unit, '(a)') error%message
+      stop 1, quiet=.true.
+   end if
 
    suites = [ &
       & new_testsuite('analysis_continuation', collect_analysis_continuation), &
@@ -104,6 +117,7 @@ program main
       & new_testsuite("analysis_restart", collect_analysis_restart), &
       & new_testsuite("core_archive", collect_core_archive), &
       & new_testsuite("core_warning_list", collect_core_warning_list), &
+      & new_testsuite("core_machine_memory", collect_core_machine_memory), &
       & new_testsuite('analysis_transient', collect_analysis_transient), &
       & new_testsuite('calculix_agreement', collect_calculix_agreement), &
       & new_testsuite('cli', collect_cli), &

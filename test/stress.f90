@@ -8,6 +8,8 @@
 program stress
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use microslip_cli_process_environment, only: prepare_process
+   use microslip_cli_threads, only: choose_threads
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
@@ -33,11 +35,13 @@ program stress
    type(stress_scene_t), allocatable :: scenes(:)
    type(motion_scene_t), allocatable :: motions(:)
    character(len=1024) :: table_path, list_path, wanted
-   character(len=:), allocatable :: warning
+   type(warning_list_t) :: warnings
+   type(error_t), allocatable :: error
    integer :: table, wrong, k
 
-   call prepare_process(warning)
-   if (warning /= '') write (error_unit, '(a)') warning
+   call prepare_process(warnings, error)
+   if (.not. allocated(error)) call choose_threads(0, warnings, error)
+   if (allocated(error)) call give_up(error%message)
    call get_command_argument(1, table_path)
    call get_command_argument(2, list_path)
    call get_command_argument(3, wanted)

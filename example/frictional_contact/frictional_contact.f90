@@ -15,6 +15,7 @@ program frictional_contact
    use microslip_core_kinds, only: wp
    use microslip_core_stopwatch, only: wall_time
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_io_fclib, only: read_fclib
    implicit none(type, external)
 
@@ -29,12 +30,12 @@ program frictional_contact
    integer :: problems, list, table, status, k
    real(wp) :: seconds(size(contact_solver_names))
    character(len=1024) :: list_path, table_path, name
-   character(len=:), allocatable :: warning
+   type(warning_list_t) :: warnings
    type(contact_problem_t) :: problem
    type(error_t), allocatable :: error
 
-   call prepare_process(warning)
-   if (warning /= '') write (error_unit, '(a)') warning
+   call prepare_process(warnings, error)
+   if (allocated(error)) call give_up(error%message)
    call get_command_argument(1, list_path)
    call get_command_argument(2, table_path)
    if (table_path == '') call give_up('usage: frictional_contact LIST TABLE')

@@ -6,6 +6,9 @@ module microslip_cli_command_line
 
    public :: command_line_t, text_t, parse_command_line, process_arguments, help_text
 
+   !> What '-' stands for.
+   character(len=*), parameter :: standard_input = '/dev/stdin'
+
    !> A string in an array of strings of different lengths.
    type :: text_t
       character(len=:), allocatable :: text
@@ -69,7 +72,9 @@ contains
                if (status == 0) read (value, '(i20)', iostat=status) line%threads
                if (status /= 0 .or. line%threads < 1) call fault("--threads '"//value//"': a number from 1 up is allowed")
             case default
-               if (index(argument, '-') == 1) then
+               if (argument == '-') then
+                  line%cases = [line%cases, text_t(standard_input)]
+               else if (index(argument, '-') == 1) then
                   call fault("unknown option '"//argument//"' (see --help)")
                else
                   line%cases = [line%cases, arguments(k)]
@@ -111,7 +116,7 @@ contains
       character(len=:), allocatable :: text
       character(len=*), parameter :: nl = new_line('a')
 
-      text = 'microslip [options] CASE.nml [CASE2.nml ...]'//nl// &
+      text = 'microslip [options] CASE.nml [CASE2.nml ...]      (- for a case from standard input)'//nl// &
          & nl// &
          & 'Vibration and friction damping of bolted structures with resolved contact topography.'//nl// &
          & nl// &

@@ -10,10 +10,12 @@ module microslip_cli_driver
    use microslip_cli_scene, only: build_scene, read_model
    use microslip_cli_scene_report, only: report_scene
    use microslip_cli_set_up, only: reduce_model, build_system
+   use microslip_cli_threads, only: choose_threads, thread_count
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: release_signals, status_of_signal
    use microslip_core_machine_memory, only: peak_memory
    use microslip_core_version, only: program_version
+   use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_model, only: fe_model_t
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
@@ -27,10 +29,13 @@ module microslip_cli_driver
 contains
 
    !> Run all cases; a case that fails does not keep the others from running, a signal does.
-   subroutine run_cases(line, error)
+   subroutine run_cases(line, error, process_warnings)
       type(command_line_t), intent(in) :: line
       !> All failures, with the highest exit status
       type(error_t), allocatable, intent(out) :: error
+      !> What is doubtful about the process, noted in every case
+      type(warning_list_t), intent(in), optional :: process_warnings
+      type(warning_list_t) :: warnings
       type(error_t), allocatable :: one
       character(len=:), allocatable :: command
       integer :: k, length
@@ -38,9 +43,11 @@ contains
       call get_command(length=length)
       allocate (character(len=length) :: command)
       call get_command(command)
-      if (line%threads > 0) call set_threads(line%threads)
+      if (present(process_warnings)) warnings = process_warnings
+      call choose_threads(line%threads, warnings, error)
+      if (allocated(error)) return
       do k = 1, size(line%cases)
-         call run_case(line%cases(k)%text, line, command, one)
+         call run_case(line%cases(k)%text, line, command, warnings, one)
          if (.not. allocated(one)) cycle
          if (index(one%message, line%cases(k)%text) == 0) one%message = line%cases(k)%text//': '//one%message
          if (allocated(error)) then
@@ -53,35 +60,23 @@ contains
       end do
    end subroutine run_cases
 
-   !> Number of threads of OpenMP and of the BLAS.
-   subroutine set_threads(n)
-      use omp_lib, only: omp_set_num_threads
-      integer, intent(in) :: n
-      interface
-         subroutine openblas_set_num_threads(n) bind(c)
-            use, intrinsic :: iso_c_binding, only: c_int
-            implicit none
-            integer(c_int), value :: n
-         end subroutine openblas_set_num_threads
-      end interface
-      call omp_set_num_threads(n)
-      call openblas_set_num_threads(n)
-   end subroutine set_threads
-
    !> Run one case file.
-   subroutine run_case(path, line, command, error)
+   subroutine run_case(path, line, command, warnings, error)
       !> The case file
       character(len=*), intent(in) :: path
       !> Options
       type(command_line_t), intent(in) :: line
       !> The command line as text, for the record
       character(len=*), intent(in) :: command
+      !> Of the process
+      type(warning_list_t), intent(in) :: warnings
       type(error_t), allocatable, intent(out) :: error
       type(run_t), target :: run
       type(fe_model_t) :: model
       integer :: k
 
       run%log = log_t(quiet=line%quiet, verbose=line%verbose)
+      run%warnings = warnings
       call run%clock%start()
       call read_case(path, run%case, error)
       if (allocated(error)) return
@@ -207,11 +202,5 @@ contains
          call get_environment_variable('MICROSLIP_COMMIT', text)
       end if
    end function commit
-
-   !> Threads that OpenMP will use.
-   integer function thread_count()
-      use omp_lib, only: omp_get_max_threads
-      thread_count = omp_get_max_threads()
-   end function thread_count
 
 end module microslip_cli_driver

@@ -7,7 +7,11 @@
 !> after some microseconds; not at once, which makes the many short parallel regions of the BLAS slow.
 module microslip_cli_process_environment
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_f_pointer, c_loc, c_associated
-   use microslip_core_text, only: lower_case
+   use microslip_core_error, only: error_t, failure
+   use microslip_core_kinds, only: wp
+   use microslip_core_process_limits, only: raise_stack_limit, stack_limit
+   use microslip_core_text, only: lower_case, to_text
+   use microslip_core_warning_list, only: severity_note, warning_list_t
    implicit none(type, external)
    private
 
@@ -19,6 +23,11 @@ module microslip_cli_process_environment
    character(len=*), parameter :: slow_kernels(*) = [character(len=12) :: 'generic', 'katmai', 'coppermine', 'northwood', &
       & 'prescott', 'banias', 'atom', 'core2', 'penryn', 'dunnington', 'nehalem', 'sandybridge', 'athlon', 'opteron', &
       & 'opteron_sse3', 'barcelona', 'bobcat', 'nano', 'bulldozer', 'piledriver', 'core']
+
+   !> Bytes of stack: what is asked for, and the least with which the program runs (512 kB were measured to do).
+   integer, parameter :: good_stack = 8*2**20, least_stack = 2**20
+   !> Variables with the stack size of the other threads.
+   character(len=*), parameter :: stack_variables(*) = [character(len=13) :: 'OMP_STACKSIZE', 'GOMP_STACKSIZE']
 
    interface
       function openblas_get_corename() bind(c) result(name)
@@ -64,14 +73,18 @@ contains
    end function blas_kernel_name
 
    !> Make the settings that are missing and start the program anew; warn where slow kernels stay. To be called
-   !> first thing; it returns when nothing is (or can be) done. What the user has set is left alone.
-   subroutine prepare_process(warning)
-      !> What to tell the user, empty if all is well
-      character(len=:), allocatable, intent(out) :: warning
+   !> first thing; it returns when nothing is (or can be) done. What the user has set is left alone, and refused if the
+   !> program would crash with it.
+   subroutine prepare_process(warnings, error)
+      type(warning_list_t), intent(inout) :: warnings
+      !> If the stack is too small
+      type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: kernel
       logical :: changed
 
-      warning = ''
+      call raise_stack_limit(good_stack)
+      call check_stacks(error)
+      if (allocated(error)) return
       kernel = ''
       if (any(slow_kernels == lower_case(blas_kernel_name()))) kernel = better_kernel()
       changed = .false.
@@ -81,9 +94,45 @@ contains
          if (changed) changed = set(restarted_variable, '1')
          if (changed) call start_anew()
       end if
-      if (kernel /= '') warning = 'OpenBLAS runs its slow '//blas_kernel_name()//' kernels; set '//kernel_variable// &
-         & '='//kernel//' in the environment'
+      if (kernel /= '') call warnings%add(severity_note, 'OpenBLAS runs its slow '//blas_kernel_name()//' kernels; set ' &
+         & //kernel_variable//'='//kernel//' in the environment')
    end subroutine prepare_process
+
+   !> Stacks that are too small end in a segmentation fault somewhere in the run.
+   subroutine check_stacks(error)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=40) :: text
+      real(wp) :: bytes
+      integer :: k
+
+      if (stack_limit() < least_stack) then
+         call failure(error, 'the stack is limited to '//to_text(stack_limit()/1024.0_wp, 6)//' kB, needed are ' &
+            & //to_text(least_stack/1024)//' kB: raise the limit (ulimit -s)')
+         return
+      end if
+      do k = 1, size(stack_variables)
+         call get_environment_variable(trim(stack_variables(k)), text)
+         bytes = bytes_in(text)
+         if (bytes > 0.0_wp .and. bytes < least_stack) call failure(error, trim(stack_variables(k))//'='//trim(text) &
+            & //': too small a stack for the threads, needed are '//to_text(least_stack/1024)//' kB at least')
+      end do
+   end subroutine check_stacks
+
+   !> A size as OpenMP writes it: a number and B, K, M or G (K if nothing is given); 0 if it is none.
+   pure real(wp) function bytes_in(text)
+      character(len=*), intent(in) :: text
+      character(len=*), parameter :: units = 'bkmg'
+      integer :: last, status, unit
+
+      bytes_in = 0.0_wp
+      last = verify(text, ' 0123456789') - 1
+      if (last < 0) last = len(text)
+      read (text(:last), *, iostat=status) bytes_in
+      if (status /= 0) bytes_in = 0.0_wp
+      unit = 2
+      if (len_trim(text) > last) unit = index(units, lower_case(text(last + 1:last + 1)))
+      if (unit > 0) bytes_in = bytes_in*1024.0_wp**(unit - 1)
+   end function bytes_in
 
    !> Whether an environment variable is there and not empty.
    logical function is_set(name)

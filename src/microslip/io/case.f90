@@ -360,7 +360,9 @@ contains
       character(len=:), allocatable :: path
 
       path = trim(file)
-      if (index(path, '/') /= 1) path = self%path(:index(self%path, '/', back=.true.))//path
+      ! A case from standard input or another pipe has no folder: its files are looked for in the current one.
+      if (index(path, '/') /= 1 .and. index(self%path, '/dev/') /= 1 .and. index(self%path, '/proc/') /= 1) &
+         & path = self%path(:index(self%path, '/', back=.true.))//path
    end function located
 
    !> Index of the load with this name (case does not matter), 0 if there is none.

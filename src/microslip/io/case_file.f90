@@ -49,20 +49,44 @@ contains
          return
       end if
       inquire (unit=unit, size=length)
-      if (length < 0 .or. length > largest_file) then
-         call bad_input(error, path//': is no case file: allowed: a text of at most '//to_text(largest_file)//' letters')
-         close (unit)
-         return
+      if (length > 0) then
+         allocate (character(len=min(length, largest_file + 1)) :: text)
+         read (unit, iostat=status, iomsg=reason) text
+      else
+         call read_pipe(unit, text)
       end if
-      allocate (character(len=length) :: text)
-      read (unit, iostat=status, iomsg=reason) text
       close (unit)
       if (status /= 0) then
          call bad_input(error, path//': cannot be read: '//trim(reason))
-         return
+      else if (len(text) > largest_file) then
+         call bad_input(error, path//': is no case file: allowed: a text of at most '//to_text(largest_file)//' letters')
+      else
+         call case_from_text(text, path, input, error)
       end if
-      call case_from_text(text, path, input, error)
    end subroutine read_case
+
+   !> All that comes out of a pipe or standard input, whose length is known at its end only; cut off beyond a case file's length.
+   subroutine read_pipe(unit, text)
+      integer, intent(in) :: unit
+      character(len=:), allocatable, intent(out) :: text
+      character(len=:), allocatable :: more
+      character :: letter
+      integer :: length, status
+
+      allocate (character(len=4096) :: text)
+      length = 0
+      do while (length <= largest_file)
+         read (unit, iostat=status) letter
+         if (status /= 0) exit
+         if (length == len(text)) then
+            more = text//repeat(' ', len(text))
+            call move_alloc(more, text)
+         end if
+         length = length + 1
+         text(length:length) = letter
+      end do
+      text = text(:length)
+   end subroutine read_pipe
 
    !> Check a case that is already in memory.
    subroutine case_from_text(text, path, input, error)
