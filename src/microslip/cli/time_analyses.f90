@@ -143,20 +143,15 @@ contains
       !> (modes) shape of the mode
       real(wp), intent(in) :: phi(:)
       type(error_t), allocatable, intent(out) :: error
-      type(decay_t) :: decay, part
+      type(decay_t) :: decay
       type(ringdown_t) :: found
-      integer, allocatable :: samples(:)
-      integer :: k, j
+      integer :: k
 
-      call read_decay(run%results%file, '/settling', decay, error, phi)
-      if (allocated(error)) return
       do k = 1, size(options%amplitude)
-         samples = pack([(j, j=1, size(decay%time))], decay%time >= (k - 1)*options%interval + options%duration &
-            & .and. decay%time < k*options%interval)
-         part%time = decay%time(samples)
-         part%sensor = decay%sensor(:, samples)
-         part%modal = decay%modal(samples)
-         call identify_ringdown(part, ringdown_options_t(frequency=1.0_wp/options%period, &
+         call read_decay(run%results%file, '/settling', decay, error, phi, &
+            & [(k - 1)*options%interval + options%duration, k*options%interval])
+         if (allocated(error)) return
+         call identify_ringdown(decay, ringdown_options_t(frequency=1.0_wp/options%period, &
             & sensors=run%case%find_sensors('')), found, error)
          if (.not. allocated(error)) call write_ringdown(run%results%file, found, error, '/settling/ringdown_'//to_text(k))
          if (allocated(error)) then
