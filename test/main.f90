@@ -58,6 +58,7 @@ program main
    use test_io_case_file, only: collect_io_case_file
    use test_io_case_node_contact, only: collect_io_case_node_contact
    use test_io_hdf5, only: collect_io_hdf5
+   use test_io_mesh_decks, only: collect_io_mesh_decks
    use test_io_mesh_file, only: collect_io_mesh_file
    use test_io_model_file, only: collect_io_model_file
    use test_io_namelist_text, only: collect_io_namelist_text
@@ -153,6 +154,7 @@ program main
       & new_testsuite('io_case_file', collect_io_case_file), &
       & new_testsuite('io_case_node_contact', collect_io_case_node_contact), &
       & new_testsuite('io_hdf5', collect_io_hdf5), &
+      & new_testsuite('io_mesh_decks', collect_io_mesh_decks), &
       & new_testsuite('io_mesh_file', collect_io_mesh_file), &
       & new_testsuite('io_model_file', collect_io_model_file), &
       & new_testsuite('io_namelist_text', collect_io_namelist_text), &

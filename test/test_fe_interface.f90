@@ -305,7 +305,7 @@ contains
       model = good
       model%node_sets(2)%nodes(4) = model%node_sets(1)%nodes(4)
       call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
-      call expect(error, failed, 'belongs to both sides')
+      call expect(error, failed, 'both sides share')
       if (allocated(error)) return
       model = good
       model%node_sets(1)%nodes = [model%node_sets(1)%nodes, model%node_sets(3)%nodes(1)]

@@ -8,6 +8,7 @@ module microslip_cli_scene
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
+   use microslip_fe_mid_sides, only: check_mid_sides
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_model_check, only: check_model
    use microslip_halfspace_coupling, only: points_on_faces
@@ -78,7 +79,8 @@ contains
          end if
       end associate
       if (.not. allocated(error)) then
-         call check_model(model, error)
+         call check_mid_sides(model, error)
+         if (.not. allocated(error)) call check_model(model, error)
          if (allocated(error)) error%message = case%located(case%model%file)//': '//error%message
       end if
       if (allocated(error)) error%message = case%path//': &model: '//error%message

@@ -9,6 +9,7 @@ module microslip_cli_scene_report
    use microslip_cli_scene, only: scene_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_fe_model, only: element_counts
    use microslip_io_case, only: case_t
    use microslip_system_compliance_choice, only: why_form
    use microslip_system_pad, only: pad_t
@@ -35,6 +36,11 @@ contains
 
       call log%line('FE model: '//to_text(scene%model%node_count())//' nodes, '//to_text(scene%model%row_count()) &
          & //' rows, '//to_text(scene%model%stiffness%entries())//' entries in the stiffness triangle')
+      call log%line('elements: '//element_counts(scene%model%elements))
+      if (allocated(scene%model%other_elements)) then
+         if (size(scene%model%other_elements) > 0) call log%line('elements that cannot be joints: '// &
+            & element_counts(scene%model%other_elements))
+      end if
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &

@@ -23,13 +23,13 @@ contains
 
    !> Local node numbers of the faces of an element type; no faces for a type that is not known.
    pure function element_faces(type) result(faces)
-      !> 'C3D8', 'C3D8I', 'C3D20' or 'C3D20R'
+      !> 'C3D8', 'C3D8I', 'C3D8R', 'C3D20' or 'C3D20R'
       character(len=*), intent(in) :: type
       !> (8, faces)
       integer, allocatable :: faces(:, :)
 
       select case (type)
-      case ('C3D8', 'C3D8I')
+      case ('C3D8', 'C3D8I', 'C3D8R')
          allocate (faces(8, 6), source=0)
          faces(:4, :) = brick_corners
       case ('C3D20', 'C3D20R')

@@ -6,8 +6,9 @@ module microslip_fe_interface
    use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text, lower_case
-   use microslip_fe_element, only: surface_faces, nodes_of_faces, face_size, area_vector, &
+   use microslip_fe_element, only: faces_within, surface_faces, nodes_of_faces, face_size, area_vector, &
       shortest_edge, cross_product
+   use microslip_fe_foreign_faces, only: foreign_faces
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_pairing, only: find_partners
    use microslip_fe_selection, only: nodes_of_set, node_text, coordinates_text
@@ -70,7 +71,7 @@ contains
       !> Point with the in-plane coordinates (0, 0), m; default: centre of the bounding rectangle
       real(wp), intent(in), optional :: origin(3)
       type(error_t), allocatable, intent(out) :: error
-      integer, allocatable :: nodes_a(:), nodes_b(:), faces(:, :)
+      integer, allocatable :: nodes_a(:), nodes_b(:), faces(:, :), faces_b(:, :)
       real(wp) :: n(3), outward
 
       call nodes_of_set(model, set_a, nodes_a, error)
@@ -87,20 +88,104 @@ contains
       end if
 
       faces = faces_among(model, nodes_a)
+      faces_b = faces_among(model, nodes_b)
+      call refuse_foreign(set_a, nodes_a, faces)
+      if (.not. allocated(error)) call refuse_foreign(set_b, nodes_b, faces_b)
+      if (.not. allocated(error)) call check_shared(model, nodes_a, nodes_b, error)
+      if (allocated(error)) then
+         error%message = place(name)//error%message
+         return
+      end if
       outward = -1.0_wp
       if (size(faces, 2) == 0) then
-         faces = faces_among(model, nodes_b)
+         faces = faces_b
          outward = 1.0_wp
+      else if (size(faces_b, 2) > 0) then
+         if (dot_product(total_area(model, faces), total_area(model, faces_b)) > 0.0_wp) then
+            call bad_input(error, place(name)//"the faces of '"//set_a//"' and of '"//set_b//"' point the same way: the two "// &
+               'bodies are on the same side of the interface, one within the other')
+            return
+         end if
       end if
       if (size(faces, 2) == 0) then
          call bad_input(error, place(name)//"no face of the surface of the mesh has all its nodes in the set '"// &
-            set_a//"' or in '"//set_b//"' (of 20-node bricks the mid-side nodes too)")
+            set_a//"' or in '"//set_b//"' (of 20-node bricks the mid-side nodes too)"//inner_text(model, [nodes_a, nodes_b]))
          return
       end if
       call common_normal(model, name, faces, outward, normal, n, error)
       if (allocated(error)) return
       call complete(model, name, nodes_a, nodes_b, faces, n, tangent, origin, contact, error)
+
+   contains
+
+      !> Faces that the program has no shape functions for.
+      subroutine refuse_foreign(set, nodes, known)
+         character(len=*), intent(in) :: set
+         integer, intent(in) :: nodes(:), known(:, :)
+         character(len=:), allocatable :: foreign
+
+         foreign = foreign_faces(model, nodes, known)
+         if (foreign /= '') call bad_input(error, foreign_text(foreign)//" in the node set '"//set//"'")
+      end subroutine refuse_foreign
+
    end subroutine interface_from_sets
+
+   !> '12 of C3D10' in a message.
+   pure function foreign_text(foreign) result(text)
+      character(len=*), intent(in) :: foreign
+      character(len=:), allocatable :: text
+      text = foreign(index(foreign, ' of ') + 4:)
+      if (index(text, ',') > 0) text = 'tetrahedron, wedge or shell'
+      text = text//' faces at joints are not supported yet: mesh the bodies with bricks (C3D8, C3D8I, C3D20, C3D20R) at the '// &
+         'joint; there are '//foreign
+   end function foreign_text
+
+   !> Inner faces among nodes, in words: two bodies that share their nodes have no surface between them.
+   function inner_text(model, nodes) result(text)
+      type(fe_model_t), intent(in) :: model
+      integer, intent(in) :: nodes(:)
+      character(len=:), allocatable :: text
+      logical, allocatable :: selected(:)
+      integer :: inner
+
+      text = ''
+      if (.not. allocated(model%elements)) return
+      allocate (selected(model%node_count()), source=.false.)
+      selected(nodes) = .true.
+      inner = size(faces_within(model%elements, selected), 2)/2
+      if (inner > 0) text = ': '//to_text(inner)//' faces there lie between two elements, the joint is merged in the mesh (its '// &
+         'two sides share their nodes); every side needs nodes of its own'
+   end function inner_text
+
+   !> No node belongs to both sides.
+   subroutine check_shared(model, nodes_a, nodes_b, error)
+      type(fe_model_t), intent(in) :: model
+      integer, intent(in) :: nodes_a(:), nodes_b(:)
+      type(error_t), allocatable, intent(out) :: error
+      logical, allocatable :: of_a(:)
+      integer :: shared
+
+      allocate (of_a(model%node_count()), source=.false.)
+      of_a(nodes_a) = .true.
+      shared = count(of_a(nodes_b))
+      if (shared == 0) return
+      call bad_input(error, 'both sides share '//to_text(shared)//' of the '//to_text(size(nodes_b))//' nodes of side B, the '// &
+         'first is '//node_text(model, nodes_b(findloc(of_a(nodes_b), .true., dim=1)))//': the joint is merged in the mesh, or '// &
+         'the sets are not those of two bodies; every side needs nodes of its own, two at every place')
+   end subroutine check_shared
+
+   !> Sum of the outward area vectors of faces, m^2.
+   pure function total_area(model, faces) result(total)
+      type(fe_model_t), intent(in) :: model
+      integer, intent(in) :: faces(:, :)
+      real(wp) :: total(3)
+      integer :: k
+
+      total = 0.0_wp
+      do k = 1, size(faces, 2)
+         total = total + area_vector(model%coordinates(:, faces(:4, k)))
+      end do
+   end function total_area
 
    !> Build an interface from a plane on which the nodes of two bodies coincide.
    !>
@@ -124,6 +209,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: faces(:, :), nodes_a(:), nodes_b(:)
       logical, allocatable :: on_plane(:), of_a(:)
+      character(len=:), allocatable :: foreign
       real(wp) :: n(3), tolerance
       integer :: k
 
@@ -141,13 +227,20 @@ contains
          end do
       end if
       faces = faces_among(model, pack([(k, k=1, size(on_plane))], on_plane))
+      foreign = foreign_faces(model, pack([(k, k=1, size(on_plane))], on_plane), faces)
+      if (foreign /= '') then
+         call bad_input(error, place(name)//foreign_text(foreign)//' on the plane through '//coordinates_text(point)// &
+            ' (a region leaves out what is no part of the joint)')
+         return
+      end if
       of_a = [(dot_product(n, area_vector(model%coordinates(:, faces(:4, k)))) < 0.0_wp, k=1, size(faces, 2))]
       nodes_a = nodes_of_faces(faces(:, pack([(k, k=1, size(of_a))], of_a)))
       nodes_b = nodes_of_faces(faces(:, pack([(k, k=1, size(of_a))], .not. of_a)))
       if (size(nodes_a) == 0 .or. size(nodes_b) == 0) then
          call bad_input(error, place(name)//'on the plane through '//coordinates_text(point)//' ('// &
             to_text(count(on_plane))//' nodes) the positive side has '//to_text(count(of_a))// &
-            ' free element faces and the negative side '//to_text(count(.not. of_a))//'; both need some')
+            ' free element faces and the negative side '//to_text(count(.not. of_a))//'; both need some'// &
+            inner_text(model, pack([(k, k=1, size(on_plane))], on_plane)))
          return
       end if
       faces = faces(:, pack([(k, k=1, size(of_a))], of_a))

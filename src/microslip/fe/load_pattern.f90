@@ -14,6 +14,7 @@ module microslip_fe_load_pattern
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_fe_element, only: faces_within, twin_faces, face_size, cross_product
+   use microslip_fe_foreign_faces, only: foreign_faces
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_selection, only: nodes_of_set
    use microslip_fe_shape_functions, only: shape_values, shape_gradients
@@ -188,12 +189,19 @@ contains
       integer, allocatable :: faces(:, :), twin(:)
       logical, allocatable :: selected(:)
       real(wp), allocatable :: area(:)
+      character(len=:), allocatable :: foreign
       integer :: f, n
 
       allocate (faces(8, 0))
       allocate (selected(model%node_count()), source=.false.)
       selected(nodes) = .true.
       if (allocated(model%elements)) faces = faces_within(model%elements, selected)
+      foreign = foreign_faces(model, nodes, faces)
+      if (foreign /= '') then
+         call bad_input(error, "load on node set '"//set//"': its faces of elements other than bricks ("//foreign// &
+            ") are not supported yet: a load by area needs faces of bricks; distribution = 'uniform' does not")
+         return
+      end if
       if (size(faces, 2) == 0) then
          call bad_input(error, "load on node set '"//set//"': no element face has all its nodes in the set; "// &
             "a load by area needs faces (distribution = 'uniform' does not)")

@@ -1,11 +1,12 @@
 !> The finite-element model as the program sees it: mesh, node sets, sparse matrices. SI units.
 module microslip_fe_model
    use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
    use microslip_linalg_sparse, only: symmetric_sparse_t
    implicit none(type, external)
    private
 
-   public :: fe_model_t, element_block_t, node_set_t
+   public :: fe_model_t, element_block_t, node_set_t, element_counts
 
    !> All elements of one type.
    type :: element_block_t
@@ -86,5 +87,18 @@ contains
          if (lower_case(self%node_sets(k)%name) == lower_case(name)) find_node_set = k
       end do
    end function find_node_set
+
+   !> '48 C3D8, 12 SPRING1'
+   pure function element_counts(blocks) result(text)
+      type(element_block_t), intent(in) :: blocks(:)
+      character(len=:), allocatable :: text
+      integer :: k
+
+      text = ''
+      do k = 1, size(blocks)
+         if (k > 1) text = text//', '
+         text = text//to_text(size(blocks(k)%connectivity, 2))//' '//blocks(k)%type
+      end do
+   end function element_counts
 
 end module microslip_fe_model

@@ -72,6 +72,7 @@ contains
             to_text(size(nodes_b))//'; '//to_text(count(lonely))//' of side '//side//' have no partner, first '// &
             node_text(model, first)//'; the nearest, '//node_text(model, candidates(nearest))//', is '// &
             to_text(distance, 3)//' m away (allowed '//to_text(tolerance, 3)//' m)')
+         if (all(lonely)) error%message = error%message//': the sides do not touch, or their meshes do not match anywhere'
       end subroutine report_lonely
 
    end subroutine find_partners

@@ -27,6 +27,10 @@ contains
          call bad_input(error, "there is no node set '"//name//"'; the model has "//known_sets(model))
          return
       end if
+      if (allocated(model%node_sets(set)%fault)) then
+         call bad_input(error, "the node set '"//name//"' cannot be used: "//model%node_sets(set)%fault)
+         return
+      end if
       nodes = model%node_sets(set)%nodes
       if (size(nodes) == 0) call bad_input(error, "the node set '"//name//"' is empty")
    end subroutine nodes_of_set

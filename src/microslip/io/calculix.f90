@@ -10,6 +10,7 @@ module microslip_io_calculix
    use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_condensation, only: condense_hidden
    use microslip_fe_model, only: fe_model_t
+   use microslip_io_label_list, only: ascending_order, find_label
    use microslip_io_line_reader, only: line_reader_t, next_integer, next_real
    use microslip_io_mesh_file, only: read_mesh
    use microslip_linalg_sparse, only: from_triplets, symmetric_sparse_t
@@ -22,6 +23,7 @@ module microslip_io_calculix
    integer, parameter :: hidden_per_element = 3
    !> Fewest characters of a line of a matrix file: '1 1  9.5542980155796e+05' and its end.
    integer, parameter :: shortest_line = 24
+   character(len=*), parameter :: cut_off = 'the last line has no end: the file is cut off'
 
    !> The matrices as CalculiX wrote them, in its units.
    type :: calculix_matrices_t
@@ -88,28 +90,30 @@ contains
       character(len=*), intent(in) :: matrix_base, mesh_path
       integer, allocatable, intent(out) :: node(:)
       type(error_t), allocatable, intent(out) :: error
-      integer, allocatable :: node_of_label(:)
-      integer :: k, last, hidden
+      integer(i8) :: last, hidden
+      integer :: k, extra
 
       last = maxval(model%node_label)
-      allocate (node_of_label(last), source=0)
-      do k = 1, model%node_count()
-         node_of_label(model%node_label(k)) = k
-      end do
       hidden = 0
       do k = 1, size(model%elements)
-         if (model%elements(k)%type(:4) == 'C3D8') &
+         if (index(model%elements(k)%type, 'C3D8') == 1) &
             hidden = hidden + hidden_per_element*size(model%elements(k)%connectivity, 2)
       end do
       allocate (node(size(matrices%label)), source=0)
       do k = 1, size(node)
-         if (matrices%label(k) <= last) node(k) = node_of_label(matrices%label(k))
+         node(k) = find_label(model%node_label, matrices%label(k))
          if (node(k) == 0 .and. (matrices%label(k) <= last .or. matrices%label(k) > last + hidden)) then
             call bad_input(error, matrix_base//'.dof, line '//to_text(k)//': node '//to_text(matrices%label(k))// &
                ' is not in the mesh '//mesh_path)
             return
          end if
       end do
+      extra = count(node == 0)
+      if (mod(extra, 3*hidden_per_element) == 0) return
+      k = findloc(node, 0, dim=1)
+      call bad_input(error, matrix_base//'.dof, line '//to_text(k)//': node '//to_text(matrices%label(k))// &
+         ' is not in the mesh '//mesh_path//'. (The '//to_text(extra)//' rows of nodes that are not in it cannot be the hidden '// &
+         'nodes of C3D8I bricks: those are '//to_text(3*hidden_per_element)//' for every brick)')
    end subroutine match_rows
 
    !> Read the three matrix files.
@@ -180,17 +184,48 @@ contains
             if (ok) call next_integer(text, p, component(rows), ok)
             if (ok) ok = label(rows) > 0 .and. component(rows) >= 1 .and. component(rows) <= 3 .and. text(p:) == ''
             if (.not. ok) then
-               call bad_input(error, lines%place()//"'"//text//"' is not node.component with a component of 1 to 3")
+               call bad_input(error, lines%place()//"'"//lines%shown()//"' is not node.component with a component of 1 to 3")
                exit
             end if
          end associate
       end do
+      if (.not. (allocated(error) .or. lines%has_end)) call bad_input(error, lines%place()//cut_off)
       call lines%close()
       if (allocated(error)) return
       if (rows == 0) call bad_input(error, path//': holds no rows')
       matrices%label = label(:rows)
       matrices%component = component(:rows)
+      if (.not. allocated(error)) call check_rows(path, matrices, error)
    end subroutine read_dof
+
+   !> Every component of a node has one row.
+   subroutine check_rows(path, matrices, error)
+      character(len=*), intent(in) :: path
+      type(calculix_matrices_t), intent(in) :: matrices
+      type(error_t), allocatable, intent(out) :: error
+      integer, allocatable :: order(:)
+      integer :: first(3), k, row
+
+      order = ascending_order(matrices%label)
+      do k = 1, size(order)
+         row = order(k)
+         if (k == 1) then
+            first = 0
+         else if (matrices%label(row) /= matrices%label(order(k - 1))) then
+            first = 0
+         end if
+         associate (earlier => first(matrices%component(row)))
+            if (earlier > 0) then
+               call bad_input(error, path//': the lines '//to_text(earlier)//' and '//to_text(row)//' are both node '// &
+                  to_text(matrices%label(row))//', component '//to_text(matrices%component(row))//': CalculiX writes so where '// &
+                  'it makes solids of beams and shells (B31, B32R, S8R, ...), which is not supported yet: replace them by '// &
+                  'solids, springs or masses')
+               return
+            end if
+            earlier = row
+         end associate
+      end do
+   end subroutine check_rows
 
    !> One triangle of a matrix as lines 'row column value'. Zeros off the diagonal are dropped.
    subroutine read_triplets(path, matrices, matrix, error)
@@ -225,10 +260,11 @@ contains
          if (ok) call next_real(lines%buffer(:lines%last), p, value(count + 1), ok)
          if (ok) ok = p > lines%last
          if (.not. ok) then
-            call bad_input(error, lines%place()//"'"//lines%text()//"' is not 'row column value' with a finite value")
+            call bad_input(error, lines%place()//"'"//lines%shown()//"' is not 'row column value' with a finite value")
          else if (min(row(count + 1), column(count + 1)) < 1 .or. max(row(count + 1), column(count + 1)) > n) then
             call bad_input(error, lines%place()//'row '//to_text(row(count + 1))//', column '// &
-               to_text(column(count + 1))//' is outside the '//to_text(n)//' rows that the .dof file lists')
+               to_text(column(count + 1))//' is outside the '//to_text(n)//' rows that the .dof file lists: it is cut off, '// &
+               'or that of another run')
          else if (row(count + 1) == column(count + 1)) then
             if (has_diagonal(row(count + 1))) call bad_input(error, lines%place()//'the diagonal entry of '// &
                row_name(matrices, row(count + 1))//' is given twice')
@@ -239,11 +275,15 @@ contains
          end if
          if (allocated(error)) exit
       end do
+      if (.not. (allocated(error) .or. lines%has_end)) call bad_input(error, lines%place()//cut_off)
       call lines%close()
       if (allocated(error)) return
       if (.not. all(has_diagonal)) then
-         call bad_input(error, path//': '//row_name(matrices, findloc(has_diagonal, .false., dim=1))// &
-            ' of the .dof file has no diagonal entry: do the files belong together?')
+         p = findloc(has_diagonal, .false., dim=1)
+         call bad_input(error, path//': '//row_name(matrices, p)//' of the .dof file has no diagonal entry: do the files '// &
+            'belong together?')
+         if (.not. any(has_diagonal(p:))) error%message = error%message//' None of the '//to_text(n)//' rows from there on '// &
+            'has one: the file is cut off, or it is that of another run'
          return
       end if
       matrix = from_triplets(n, row(:count), column(:count), value(:count))
@@ -273,6 +313,8 @@ contains
       i = count(times%row_start <= k)
       call bad_input(error, path//': the entry of '//row_name(matrices, i)//' and '// &
          row_name(matrices, times%column(k))//' is given more than once: one triangle of a symmetric matrix is expected')
+      if (any(row == i .and. column == times%column(k)) .and. any(row == times%column(k) .and. column == i)) &
+         error%message = error%message//', and the file holds both'
    end subroutine report_repeated
 
 end module microslip_io_calculix

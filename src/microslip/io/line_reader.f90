@@ -1,4 +1,7 @@
 !> Fast reading of text files line by line: blocks from the disk, hand-written number parsing.
+!>
+!> Lines end in LF, CR LF or, in files without any LF at their beginning, CR. A byte order mark of UTF-8 is skipped, UTF-16 is
+!> refused.
 module microslip_io_line_reader
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: i8, wp
@@ -26,12 +29,17 @@ module microslip_io_line_reader
       !> Text in memory and the place of the current line in it
       character(len=:), allocatable :: buffer
       integer :: first = 1, last = 0
+      !> Whether the current line has an end; that of a file that was cut off has none as a rule
+      logical :: has_end = .true.
+      character(len=1), private :: line_end = new_line('a')
       integer, private :: unit = -1, filled = 0, next = 1
       integer(i8), private :: left = 0
    contains
       procedure :: open => open_lines
       procedure :: next_line
       procedure :: text
+      procedure :: shown
+      procedure :: beginning
       procedure :: place
       procedure :: close => close_lines
    end type line_reader_t
@@ -59,6 +67,7 @@ contains
       self%line = 0
       self%filled = 0
       self%next = 1
+      self%line_end = new_line('a')
    end subroutine open_lines
 
    !> Go to the next line; `found` is false behind the last one.
@@ -70,7 +79,7 @@ contains
       integer :: length, part, status
 
       found = .false.
-      length = index(self%buffer(self%next:self%filled), new_line('a'))
+      length = index(self%buffer(self%next:self%filled), self%line_end)
       if (length == 0 .and. self%left > 0) then
          ! Move the beginning of the line to the front and read on behind it.
          self%buffer(:self%filled - self%next + 1) = self%buffer(self%next:self%filled)
@@ -84,22 +93,63 @@ contains
          end if
          self%filled = self%filled + part
          self%left = self%left - part
-         length = index(self%buffer(:self%filled), new_line('a'))
+         if (self%line == 0) call look_at_beginning(self, error)
+         if (allocated(error)) return
+         length = index(self%buffer(self%next:self%filled), self%line_end)
          if (length == 0 .and. self%left > 0) then
             call bad_input(error, self%path//': line '//to_text(self%line + 1)//' is too long, is this a text file?')
             return
          end if
       end if
       if (self%next > self%filled) return
+      self%has_end = length > 0
       if (length == 0) length = self%filled - self%next + 2
       found = .true.
       self%line = self%line + 1
       self%first = self%next
       self%last = self%next + length - 2
       self%next = self%next + length
-      if (self%last < self%first) return
-      if (self%buffer(self%last:self%last) == achar(13)) self%last = self%last - 1
+      do while (self%last >= self%first)
+         if (self%buffer(self%last:self%last) /= achar(13)) exit
+         self%last = self%last - 1
+      end do
    end subroutine next_line
+
+   !> Byte order mark and line ends.
+   subroutine look_at_beginning(self, error)
+      type(line_reader_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (bytes => self%buffer(:self%filled))
+         if (index(bytes, char(239)//char(187)//char(191)) == 1) self%next = 4
+         if (index(bytes, char(255)//char(254)) == 1 .or. index(bytes, char(254)//char(255)) == 1) &
+            call bad_input(error, self%path//': a text in UTF-16: save it as ASCII or UTF-8')
+         if (index(bytes, new_line('a')) == 0 .and. index(bytes, achar(13)) > 0) self%line_end = achar(13)
+      end associate
+   end subroutine look_at_beginning
+
+   !> The first bytes of the file, while the first line is the current one.
+   pure function beginning(self, most) result(bytes)
+      class(line_reader_t), intent(in) :: self
+      !> No more than these
+      integer, intent(in) :: most
+      character(len=:), allocatable :: bytes
+      bytes = self%buffer(:min(most, self%filled))
+   end function beginning
+
+   !> The current line for messages: cut, and without control characters.
+   pure function shown(self) result(text)
+      class(line_reader_t), intent(in) :: self
+      character(len=:), allocatable :: text
+      integer, parameter :: longest = 100
+      integer :: k
+
+      text = self%buffer(self%first:min(self%last, self%first + longest - 1))
+      do k = 1, len(text)
+         if (ichar(text(k:k)) < 32 .or. ichar(text(k:k)) == 127) text(k:k) = merge(' ', '?', text(k:k) == achar(9))
+      end do
+      if (self%last - self%first + 1 > longest) text = text//'...'
+   end function shown
 
    !> The current line.
    pure function text(self)

@@ -1,10 +1,12 @@
-!> Meshes of gmsh (.msh, ASCII, versions 4.1 and 2.2): bricks with 8 and 20 nodes; physical groups become node sets.
+!> Meshes of gmsh (.msh, ASCII, versions 4.1 and 2.2); physical groups become node sets.
 !>
-!> gmsh does not tell a formulation: bricks are called C3D8 and C3D20.
+!> gmsh does not tell a formulation: bricks are called C3D8 and C3D20, tetrahedra and wedges C3D4, C3D10, C3D6, C3D15. Points,
+!> lines and faces only say which nodes are in a group.
 module microslip_io_mesh_gmsh
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
+   use microslip_core_warning_list, only: severity_note
    use microslip_io_line_reader, only: line_reader_t, next_integer, next_real
    use microslip_io_mesh_builder, only: mesh_builder_t
    implicit none(type, external)
@@ -33,7 +35,7 @@ module microslip_io_mesh_gmsh
    !> What is known while a file is read.
    type :: gmsh_t
       type(line_reader_t) :: lines
-      logical :: version_4 = .false.
+      logical :: version_4 = .false., has_format = .false.
       type(group_t), allocatable :: groups(:)
       type(entity_t), allocatable :: entities(:)
    contains
@@ -74,6 +76,10 @@ contains
          end select
          if (allocated(error)) exit
       end do
+      if (.not. (allocated(error) .or. file%has_format)) call bad_input(error, path//': no section $MeshFormat: version 1 of '// &
+         '.msh is not known, save it in version 4.1 or 2.2 (Mesh.MshFileVersion = 4.1)')
+      if (builder%node_sets%count == 0) call builder%warnings%add(severity_note, path//': no element is in a physical group, '// &
+         'so there are no node sets (in version 2.2, Mesh.SaveAll = 1 leaves the groups out)')
       call file%lines%close()
    end subroutine read_mesh_gmsh
 
@@ -86,9 +92,11 @@ contains
       call file%expect_line(error)
       if (allocated(error)) return
       line = adjustl(file%lines%text())
+      file%has_format = .true.
       file%version_4 = index(line, '4.1 ') == 1
       if (.not. file%version_4 .and. index(line, '2.2 ') /= 1) then
-         call bad_input(error, file%lines%place()//"format '"//line//"' is not known (4.1 and 2.2 are)")
+         call bad_input(error, file%lines%place()//"the .msh format '"//file%lines%shown()//"' is not known: save it in "// &
+            'version 4.1 or 2.2 (Mesh.MshFileVersion = 4.1)')
       else if (index(line(4:), ' 1 ') == 1) then
          call bad_input(error, file%lines%place()//'a binary .msh file: save it as ASCII (Mesh.Binary = 0)')
       end if
@@ -292,7 +300,7 @@ contains
       n = node_count(type)
       if (n == 0) then
          call bad_input(error, file%lines%place()//'gmsh element type '//to_text(type)//' ('//type_name(type)// &
-            ') is not known (bricks with 8 and 20 nodes are, and the points, lines and quadrangles on them)')
+            ') is not known')
          return
       end if
       allocate (numbers(skip + n))
@@ -301,11 +309,14 @@ contains
       associate (nodes => numbers(skip + 1:))
          do s = 1, size(sets)
             do k = 1, n
-               call builder%add_to_set(sets(s), nodes(k))
+               call builder%node_sets%items(sets(s))%labels%add(nodes(k))
             end do
          end do
-         if (type == 5) call builder%add_element('C3D8', numbers(1), nodes)
-         if (type == 17) call builder%add_element('C3D20', numbers(1), nodes(abaqus_order))
+         if (type == 17) then
+            call builder%add_element('C3D20', numbers(1), nodes(abaqus_order))
+         else if (solid_name(type) /= '') then
+            call builder%add_element(trim(solid_name(type)), numbers(1), nodes)
+         end if
       end associate
    end subroutine take_element
 
@@ -315,14 +326,35 @@ contains
       select case (type)
       case (15); node_count = 1
       case (1); node_count = 2
-      case (8); node_count = 3
-      case (3); node_count = 4
-      case (5); node_count = 8
-      case (16); node_count = 8
+      case (2, 8); node_count = 3
+      case (3, 4); node_count = 4
+      case (7); node_count = 5
+      case (6, 9); node_count = 6
+      case (5, 16); node_count = 8
+      case (10); node_count = 9
+      case (11); node_count = 10
+      case (19); node_count = 13
+      case (18); node_count = 15
       case (17); node_count = 20
       case default; node_count = 0
       end select
    end function node_count
+
+   !> A solid's name in Abaqus; '' for points, lines and faces. The order of the nodes of those without faces does not matter.
+   pure character(len=5) function solid_name(type)
+      integer, intent(in) :: type
+      select case (type)
+      case (5); solid_name = 'C3D8'
+      case (17); solid_name = 'C3D20'
+      case (4); solid_name = 'C3D4'
+      case (11); solid_name = 'C3D10'
+      case (6); solid_name = 'C3D6'
+      case (18); solid_name = 'C3D15'
+      case (7); solid_name = 'C3D5'
+      case (19); solid_name = 'C3D13'
+      case default; solid_name = ''
+      end select
+   end function solid_name
 
    !> Dimension of a gmsh element type.
    pure integer function dimension_of(type)
@@ -330,7 +362,7 @@ contains
       select case (type)
       case (15); dimension_of = 0
       case (1, 8); dimension_of = 1
-      case (3, 16); dimension_of = 2
+      case (2, 3, 9, 10, 16); dimension_of = 2
       case default; dimension_of = 3
       end select
    end function dimension_of
@@ -340,12 +372,10 @@ contains
       integer, intent(in) :: type
       character(len=:), allocatable :: name
       select case (type)
-      case (2, 9); name = 'triangle'
-      case (4, 11); name = 'tetrahedron'
-      case (6, 13, 18); name = 'prism'
-      case (7, 14, 19); name = 'pyramid'
-      case (10); name = '9-node quadrangle: set Mesh.SecondOrderIncomplete = 1'
       case (12); name = '27-node brick: set Mesh.SecondOrderIncomplete = 1'
+      case (13); name = '18-node prism: set Mesh.SecondOrderIncomplete = 1'
+      case (14); name = '14-node pyramid: set Mesh.SecondOrderIncomplete = 1'
+      case (21:); name = 'of an order above 2: set Mesh.ElementOrder = 1 or 2'
       case default; name = 'not used here'
       end select
    end function type_name
@@ -379,8 +409,8 @@ contains
       do k = 1, size(file%groups)
          if (file%groups(k)%dimension == dimension .and. file%groups(k)%tag == tag) name = file%groups(k)%name
       end do
-      call builder%set_index(name, set)
-      call builder%define_set(set)
+      call builder%node_sets%index_of(name, set)
+      call builder%node_sets%define(set, '')
    end function set_of_group
 
    !> Go to a line that must be there.
@@ -417,7 +447,7 @@ contains
       class(gmsh_t), intent(in) :: self
       character(len=*), intent(in) :: expected
       type(error_t), allocatable, intent(out) :: error
-      call bad_input(error, self%lines%place()//"expected "//expected//", found '"//self%lines%text()//"'")
+      call bad_input(error, self%lines%place()//"expected "//expected//", found '"//self%lines%shown()//"'")
    end subroutine complain
 
 end module microslip_io_mesh_gmsh

@@ -8,8 +8,9 @@ module microslip_io_model_file
    use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t
-   use microslip_io_hdf5, only: hdf5_file_t
-   use microslip_io_mesh_builder, only: nodes_per_element
+   use microslip_io_element_types, only: is_brick, nodes_per_element
+   use microslip_io_hdf5, only: hdf5_file_t, is_hdf5_file
+   use microslip_io_mesh_format, only: mesh_format_in_words
    use microslip_linalg_sparse, only: from_triplets, symmetric_sparse_t
    implicit none(type, external)
    private
@@ -70,7 +71,10 @@ contains
             'node indices from 1, Abaqus order (element, node)', error)
          if (allocated(error)) return
       end do
+      if (allocated(model%other_elements)) call write_other_elements(file, model, error)
+      if (allocated(error)) return
       do k = 1, size(model%node_sets)
+         if (allocated(model%node_sets(k)%fault)) cycle
          if (scan(model%node_sets(k)%name, '/') > 0 .or. model%node_sets(k)%name == '.') then
             call bad_input(error, file%path//": the node set name '"//model%node_sets(k)%name//"' must not contain '/'")
             return
@@ -80,6 +84,26 @@ contains
          if (allocated(error)) return
       end do
    end subroutine write_mesh
+
+   !> Elements without faces. A type that the program does not know has its number of nodes in the name.
+   subroutine write_other_elements(file, model, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(fe_model_t), intent(in) :: model
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: name
+      integer :: k
+
+      do k = 1, size(model%other_elements)
+         associate (block => model%other_elements(k))
+            if (size(block%connectivity) == 0) cycle
+            name = block%type
+            if (nodes_per_element(name) == 0) name = name//'_'//to_text(size(block%connectivity, 1))
+            call file%write('/other_elements/'//name, block%connectivity, '1', &
+               'node indices from 1 of elements that cannot be joints (element, node)', error)
+         end associate
+         if (allocated(error)) return
+      end do
+   end subroutine write_other_elements
 
    !> One triangle in compressed rows: lengths of the rows, differences of the columns, values.
    subroutine write_matrix(file, group, matrix, units, error)
@@ -196,10 +220,14 @@ contains
       type(error_t), allocatable :: ignored
 
       call file%open(path, error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         call say_format(path, error)
+         return
+      end if
       call check_format(file, error)
       if (.not. allocated(error)) call read_nodes(file, model, error)
       if (.not. allocated(error)) call read_elements(file, model, error)
+      if (.not. allocated(error)) call read_other_elements(file, model, error)
       if (.not. allocated(error)) call read_node_sets(file, model, error)
       if (.not. allocated(error)) call read_rows(file, model, error)
       if (.not. allocated(error)) call read_matrix(file, '/stiffness', 'N/m', model%row_count(), model%stiffness, error)
@@ -207,6 +235,19 @@ contains
       if (.not. allocated(error)) call check_diagonals(file, model, error)
       call file%close(ignored)
    end subroutine read_model_hdf5
+
+   !> A file that is not HDF5: what it looks like, and how a model of that kind is named.
+   subroutine say_format(path, error)
+      character(len=*), intent(in) :: path
+      type(error_t), intent(inout) :: error
+      character(len=:), allocatable :: kind
+
+      kind = mesh_format_in_words(path)
+      if (is_hdf5_file(path) .or. kind == '') return
+      error%message = path//': not an HDF5 file, it looks like '//kind//'; a model file of this program is expected'
+      if (kind == 'an Abaqus/CalculiX deck' .or. kind == 'a gmsh mesh') error%message = error%message// &
+         " (a mesh with matrices of CalculiX: source = 'calculix', file = the matrices' name without .sti, mesh_file = this file)"
+   end subroutine say_format
 
    !> Is this a model file, of a version the program knows?
    subroutine check_format(file, error)
@@ -219,6 +260,9 @@ contains
       if (allocated(error)) return
       if (name /= format_name) then
          call bad_input(error, file%path//": not a model file (attribute 'format' is not '"//format_name//"')")
+         if (index(name, 'microslip') == 1) error%message = error%message//": it is a file of the kind '"//name//"'"
+         if (file%has('/ENS_MAA')) error%message = error%message//': it is a MED mesh (Salome), which cannot be read'
+         if (file%has('/VTKHDF')) error%message = error%message//': it is a VTK file, which cannot be read'
          return
       end if
       call file%get_attribute('/', 'format_version', version, error)
@@ -264,9 +308,9 @@ contains
             block%type = trim(names(k))
             call file%read('/elements/'//block%type, block%connectivity, error)
             if (allocated(error)) return
-            if (nodes_per_element(block%type) == 0) then
+            if (.not. is_brick(block%type)) then
                call bad_input(error, file%path//": 'elements/"//block%type// &
-                  "': element type not known (C3D8, C3D8I, C3D20, C3D20R are)")
+                  "': no type of bricks (C3D8, C3D8I, C3D8R, C3D20, C3D20R are); other elements belong to 'other_elements'")
             else if (size(block%connectivity, 1) /= nodes_per_element(block%type)) then
                call bad_input(error, file%path//": 'elements/"//block%type//"' must be (elements, "// &
                   to_text(nodes_per_element(block%type))//')')
@@ -278,6 +322,30 @@ contains
          if (allocated(error)) return
       end do
    end subroutine read_elements
+
+   !> Elements without faces: any types.
+   subroutine read_other_elements(file, model, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(fe_model_t), intent(inout) :: model
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: names(:)
+      integer :: k
+
+      allocate (character(len=1) :: names(0))
+      if (file%has('/other_elements')) call member_names(file, '/other_elements', names, error)
+      if (allocated(error)) return
+      allocate (model%other_elements(size(names)))
+      do k = 1, size(names)
+         associate (block => model%other_elements(k))
+            block%type = trim(names(k))
+            call file%read('/other_elements/'//block%type, block%connectivity, error)
+            if (allocated(error)) return
+            if (any(block%connectivity < 1 .or. block%connectivity > model%node_count())) call bad_input(error, file%path// &
+               ": 'other_elements/"//block%type//"' holds node indices outside 1 to "//to_text(model%node_count()))
+         end associate
+         if (allocated(error)) return
+      end do
+   end subroutine read_other_elements
 
    !> Node sets.
    subroutine read_node_sets(file, model, error)
