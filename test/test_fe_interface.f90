@@ -29,6 +29,8 @@ contains
                    new_unittest('plane_in_a_region', test_region), &
                    new_unittest('solid_material_is_no_interface', test_solid), &
                    new_unittest('wrong_sets_are_refused', test_wrong_sets), &
+                   new_unittest('merged_joints_are_named', test_merged), &
+                   new_unittest('faces_without_shape_functions', test_unsupported_faces), &
                    new_unittest('wrong_pairs_are_refused', test_wrong_pairs), &
                    new_unittest('wrong_shape_is_refused', test_wrong_shape), &
                    new_unittest('wrong_directions_are_refused', test_wrong_directions)]
@@ -278,6 +280,68 @@ contains
       call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
       call expect(error, failed, 'no node sets')
    end subroutine test_wrong_sets
+
+   !> Joints whose two sides are one: all nodes shared, and nodes in the middle of a body.
+   subroutine test_merged(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(fe_model_t) :: model
+      type(contact_interface_t) :: contact
+      type(error_t), allocatable :: failed
+      integer, allocatable :: partner(:)
+      integer :: k
+
+      model = two_blocks('C3D8', [3, 2, 1])
+      call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
+      call check(error, .not. allocated(failed))
+      if (allocated(error)) return
+      allocate (partner(model%node_count()))
+      partner = [(k, k=1, size(partner))]
+      partner(contact%node_b) = contact%node_a
+      do k = 1, size(model%elements)
+         model%elements(k)%connectivity = reshape(partner(pack(model%elements(k)%connectivity, .true.)), &
+            shape(model%elements(k)%connectivity))
+      end do
+      model%node_sets(2)%nodes = model%node_sets(1)%nodes
+      call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
+      call expect(error, failed, 'both sides share 12 of the 12 nodes of side B')
+      if (.not. allocated(error)) call expect(error, failed, 'the joint is merged in the mesh')
+      if (allocated(error)) return
+      call interface_from_sets(model, 'pad', 'top_pad', 'ground', contact, error=failed)
+      call expect(error, failed, '6 faces there lie between two elements, the joint is merged in the mesh')
+      if (allocated(error)) return
+      call interface_from_plane(model, 'pad', [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 1.0_wp], contact, error=failed)
+      call expect(error, failed, '6 faces there lie between two elements, the joint is merged in the mesh')
+   end subroutine test_merged
+
+   !> A tetrahedron with a face in a joint, and two bodies on one side of it.
+   subroutine test_unsupported_faces(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(fe_model_t) :: model, good
+      type(contact_interface_t) :: contact
+      type(error_t), allocatable :: failed
+
+      good = two_blocks('C3D8', [3, 2, 1])
+      model = good
+      allocate (model%other_elements(1))
+      model%other_elements(1)%type = 'C3D4'
+      model%other_elements(1)%connectivity = reshape([model%node_sets(1)%nodes(:3), model%node_sets(3)%nodes(1)], [4, 1])
+      call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
+      call expect(error, failed, 'C3D4 faces at joints are not supported yet')
+      if (.not. allocated(error)) call expect(error, failed, "1 of C3D4 in the node set 'top_pad'")
+      if (allocated(error)) return
+      call interface_from_plane(model, 'pad', [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 1.0_wp], contact, error=failed)
+      call expect(error, failed, 'C3D4 faces at joints are not supported yet')
+      if (allocated(error)) return
+      model = good
+      ! The upper block as it is, and once more from other nodes.
+      model%coordinates(3, :) = abs(model%coordinates(3, :))
+      call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
+      call check(error, .not. allocated(failed), 'a mirrored block has faces that point inward')
+      if (allocated(error)) return
+      model%elements(1)%connectivity(:, 7:) = model%elements(1)%connectivity([5, 6, 7, 8, 1, 2, 3, 4], 7:)
+      call interface_from_sets(model, 'pad', 'top_pad', 'bottom_pad', contact, error=failed)
+      call expect(error, failed, 'point the same way')
+   end subroutine test_unsupported_faces
 
    subroutine test_wrong_pairs(error)
       type(error_type), allocatable, intent(out) :: error

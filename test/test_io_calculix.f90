@@ -161,7 +161,12 @@ contains
       if (.not. allocated(error)) call expect(d, [character(len=40) :: '1 1 1.0', '1 2'], k, '.sti, line 2')
       if (.not. allocated(error)) call expect(d, [character(len=40) :: '1 1 1.0', '1 2 3.0 4'], k, '.sti, line 2')
       if (.not. allocated(error)) call expect(d, [k, '3 1 1.0'//k(1) (8:)], k, '.sti, line 3')
-      if (.not. allocated(error)) call expect(d, [k, '1 2 1.0'//k(1) (8:), '2 1 1.0'//k(1) (8:)], k, 'more than once')
+      if (.not. allocated(error)) call expect(d, [k, '1 2 1.0'//k(1) (8:), '2 1 1.0'//k(1) (8:)], k, &
+         'one triangle of a symmetric matrix is expected, and the file holds both')
+      if (.not. allocated(error)) call expect([character(len=40) :: '3.1', '3.2', '7.1', '3.1'], k, k, &
+         'the lines 1 and 4 are both node 3, component 1: CalculiX writes so')
+      if (.not. allocated(error)) call expect([d, '7.1'//d(1) (4:)], k, k, 'None of the 3 rows from there on has one')
+      if (.not. allocated(error)) call expect_cut_off()
       if (.not. allocated(error)) call expect(d, [k, k(1)], k, 'twice')
       if (.not. allocated(error)) call expect(d, [character(len=40) :: '1 1 1.0', '2 2 0.0'], k, 'row 2')
       if (.not. allocated(error)) call expect(d, k, [character(len=40) :: '1 1 1.0', '2 2 -1.0'], 'row 2')
@@ -180,6 +185,21 @@ contains
          call read_calculix_matrices(scratch, matrices, lib)
          call bad(error, lib, needle)
       end subroutine expect
+
+      !> A number that lost its last digits would be another number.
+      subroutine expect_cut_off()
+         type(calculix_matrices_t) :: matrices
+         type(error_t), allocatable :: lib
+         integer :: unit
+
+         call write_file('.dof', d)
+         call write_file('.mas', k)
+         open (newunit=unit, file=scratch//'.sti', access='stream', form='unformatted', status='replace')
+         write (unit) '1 1 1.0'//new_line('a')//'2 2 1.2345678'
+         close (unit)
+         call read_calculix_matrices(scratch, matrices, lib)
+         call bad(error, lib, '.sti, line 2: the last line has no end: the file is cut off')
+      end subroutine expect_cut_off
 
       !> A row of a node that the mesh does not have.
       subroutine expect_in_model()

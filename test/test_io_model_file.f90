@@ -38,6 +38,12 @@ contains
       logical, intent(in) :: with_mass
       type(error_t), allocatable :: lib
       call read_model_calculix('test/data/bricks', 'test/data/bricks.inp', 1.0e-3_wp, 1.0e3_wp, 1.0_wp, model, lib, with_mass)
+      deallocate (model%other_elements)
+      allocate (model%other_elements(2))
+      model%other_elements(1)%type = 'C3D4'
+      model%other_elements(1)%connectivity = reshape([1, 2, 3, 5, 2, 3, 4, 6], [4, 2])
+      model%other_elements(2)%type = 'MASS'
+      model%other_elements(2)%connectivity = reshape([7], [1, 1])
    end subroutine bricks
 
    subroutine test_general(error)
@@ -104,6 +110,13 @@ contains
       call check(error, back%elements(1)%type == 'C3D8I' .and. &
          all(back%elements(1)%connectivity == model%elements(1)%connectivity), 'elements')
       if (allocated(error)) return
+      call check(error, size(back%other_elements), 2)
+      if (allocated(error)) return
+      do k = 1, 2
+         call check(error, back%other_elements(k)%type == model%other_elements(k)%type .and. &
+            all(back%other_elements(k)%connectivity == model%other_elements(k)%connectivity), 'other elements')
+         if (allocated(error)) return
+      end do
       do k = 1, size(model%node_sets)
          j = back%find_node_set(model%node_sets(k)%name)
          call check(error, j > 0, 'set is missing')

@@ -18,7 +18,7 @@ module microslip_cli_demand
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: i8, wp
    use microslip_core_machine_disk, only: free_space
-   use microslip_core_machine_memory, only: available_memory, resident_memory
+   use microslip_core_machine_memory, only: available_memory, peak_memory, resident_memory
    use microslip_core_text, only: to_text
    use microslip_fe_reduced_model, only: reduced_model_t, find_highest_frequency
    use microslip_io_case, only: case_t
@@ -26,12 +26,12 @@ module microslip_cli_demand
    implicit none(type, external)
    private
 
-   public :: demand_t, estimate_demand, check_demand, check_grids, demand_in_words, in_words
+   public :: demand_t, estimate_demand, check_demand, check_grids, check_reading, demand_in_words, memory_estimate, in_words
    public :: expected_unknowns, takes_all, uses_fft, boundary_count, factor_entries
 
    type :: demand_t
-      !> Bytes: what the process has now, and what will be added to it
-      real(wp) :: memory_now = 0.0_wp, memory_more = 0.0_wp
+      !> Bytes: what the process has now, what will be added to it, and the estimate for what was before (reading: the peak)
+      real(wp) :: memory_now = 0.0_wp, memory_more = 0.0_wp, memory_before = 0.0_wp
       !> What needs most of it
       character(len=:), allocatable :: largest
       !> Bytes of the result file but for the time series, and of one of their samples
@@ -48,6 +48,9 @@ module microslip_cli_demand
    real(wp), parameter :: fft_columns = 500.0_wp
    !> Bytes: what libraries take, and a point of a grid before the contact matrices.
    real(wp), parameter :: libraries = 3.0e7_wp, grid_point = 400.0_wp
+   !> Bytes that reading an entry of a stiffness matrix takes at the same time (as triplets 16, to sort them 40, the matrix of
+   !> before 12) over those of its line in the file.
+   real(wp), parameter :: read_share = 68.0_wp/27.0_wp
    !> Bytes of a real and an integer.
    real(wp), parameter :: real_bytes = 8.0_wp, integer_bytes = 4.0_wp
    !> What compression leaves of series, maps and counts; bytes of a dataset without its numbers; datasets of a file, of an
@@ -105,6 +108,7 @@ contains
       if (case%runs('epmc')) periodic = max(periodic, periodic_memory(modes, u, case%epmc%harmonics, case%epmc%samples))
 
       demand%memory_now = resident_memory()
+      demand%memory_before = peak_memory()
       demand%memory_more = libraries + max(reduction, contact + periodic)
       ! The decay is read back from the file as a whole, and once more for its windows.
       if (case%runs('ringdown')) demand%memory_more = demand%memory_more &
@@ -265,7 +269,28 @@ contains
       impacts = max(size(case%settling%amplitude), case%settling%impacts)
    end function impacts
 
+   !> Memory at the peak, bytes: of reading, or of what comes then.
+   pure real(wp) function memory_estimate(demand)
+      type(demand_t), intent(in) :: demand
+      memory_estimate = max(demand%memory_before, demand%memory_now + demand%memory_more)
+   end function memory_estimate
+
    ! --------------------------------------------------------------------------------------------- refusal
+
+   !> Whether memory has room to read the matrices of CalculiX: before they are read.
+   subroutine check_reading(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(out) :: error
+      integer(i8) :: bytes
+      real(wp) :: free
+
+      if (case%model%source /= 'calculix') return
+      inquire (file=case%located(case%model%file)//'.sti', size=bytes)
+      free = available_memory()
+      if (free <= 0.0_wp .or. read_share*bytes <= free) return
+      call failure(error, 'reading '//case%located(case%model%file)//'.sti of '//in_words(real(bytes, wp))// &
+         & ' would need about '//in_words(read_share*bytes)//' of memory, '//in_words(free)//' are free: a coarser mesh')
+   end subroutine check_reading
 
    !> Whether memory has room for the grids at all: before they are made.
    subroutine check_grids(case, error)
@@ -315,7 +340,9 @@ contains
       type(demand_t), intent(in) :: demand
       character(len=:), allocatable :: text
 
-      text = 'memory '//in_words(demand%memory_now + demand%memory_more)//' ('//demand%largest//'); result file '
+      text = 'memory '//in_words(memory_estimate(demand))//' ('//demand%largest//'); result file '
+      if (demand%memory_before > demand%memory_now + demand%memory_more) text = 'memory '//in_words(demand%memory_before)// &
+         & ' (reading the files); result file '
       if (demand%samples < 0.0_wp) then
          text = text//in_words(demand%file)//' and '//to_text(demand%sample, 3) &
             & //' B for every recorded step (how many follows from the reduction)'

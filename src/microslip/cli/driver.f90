@@ -3,7 +3,7 @@ module microslip_cli_driver
    use microslip_cli_analyses, only: analyse
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_coupling_report, only: check_mesh, report_mesh
-   use microslip_cli_demand, only: check_demand, check_grids, estimate_demand, in_words
+   use microslip_cli_demand, only: check_demand, check_grids, check_reading, estimate_demand, in_words, memory_estimate
    use microslip_cli_log, only: log_t, warnings_in_words
    use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
@@ -13,6 +13,7 @@ module microslip_cli_driver
    use microslip_cli_threads, only: choose_threads, thread_count
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: release_signals, status_of_signal
+   use microslip_core_kinds, only: wp
    use microslip_core_machine_memory, only: peak_memory
    use microslip_core_version, only: program_version
    use microslip_core_warning_list, only: warning_list_t
@@ -81,6 +82,8 @@ contains
       call read_case(path, run%case, error)
       if (allocated(error)) return
       call run%log%title('microslip '//program_version//': '//trim(run%case%title)//' ('//path//')')
+      call check_reading(run%case, error)
+      if (allocated(error)) return
       if (allocated(line%write_model)) then
          call read_model(run%case, model, run%warnings, error)
          if (.not. allocated(error)) call write_model_hdf5(line%write_model, model, error)
@@ -118,6 +121,7 @@ contains
       character(len=*), intent(in) :: command
       type(error_t), allocatable, intent(out) :: error
       logical :: finished
+      real(wp) :: before
 
       call open_results(run, output_path(run%case, line), line%restart, thread_count(), finished, error)
       if (allocated(error)) then
@@ -131,7 +135,9 @@ contains
       call reduce_model(run, error)
       ! Now the number of time steps is known.
       if (.not. allocated(error)) then
+         before = memory_estimate(run%demand)
          run%demand = estimate_demand(run%case, run%scene, run%reduced)
+         run%demand%memory_before = before
          call check_demand(run%demand, output_path(run%case, line), error)
       end if
       if (allocated(error)) then
@@ -163,7 +169,7 @@ contains
       call run%results%close(ignored)
       call run%log%timing(run%clock)
       call run%log%line('memory: '//in_words(peak_memory())//' at the peak, '// &
-         & in_words(run%demand%memory_now + run%demand%memory_more)//' were estimated')
+         & in_words(memory_estimate(run%demand))//' were estimated')
       if (.not. allocated(error) .and. allocated(ignored)) call move_alloc(ignored, error)
       if (.not. allocated(error)) return
       if (error%status > status_of_signal) error%message = run%case%path//': '//error%message//'; '//path &
