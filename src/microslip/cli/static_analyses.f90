@@ -30,7 +30,7 @@ contains
          call run%system%widen_where_closed(run%state%modal, run%state%contact%force, run%state%amplitude, added, error)
          if (allocated(error)) return
          if (added == 0) exit
-         call run%log%line('preload: '//to_text(added)//' points left out would close: taken in, run again')
+         if (run%log%verbose) call run%log%line('preload: '//to_text(added)//' points left out would close: taken in, run again')
       end do
       if (added > 0) then
          call failure(error, 'preload: the set of points in potential contact does not settle')
