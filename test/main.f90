@@ -72,6 +72,7 @@ program main
    use test_linalg_mumps, only: collect_linalg_mumps
    use test_linalg_sparse_algebra, only: collect_linalg_sparse_algebra
    use test_surface_height_map, only: collect_surface_height_map
+   use test_surface_scan_check, only: collect_surface_scan_check
    use test_surface_topography, only: collect_surface_topography
    use microslip_cli_process_environment, only: prepare_process
    use microslip_cli_threads, only: choose_threads
@@ -169,6 +170,7 @@ program main
       & new_testsuite('linalg_mumps', collect_linalg_mumps), &
       & new_testsuite('linalg_sparse_algebra', collect_linalg_sparse_algebra), &
       & new_testsuite('surface_height_map', collect_surface_height_map), &
+      & new_testsuite('surface_scan_check', collect_surface_scan_check), &
       & new_testsuite('surface_topography', collect_surface_topography)]
 
    failed = 0

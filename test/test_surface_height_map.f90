@@ -4,7 +4,7 @@ module test_surface_height_map
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_core_kinds, only: wp, pi
    use microslip_surface_gaussian_filter, only: low_pass
-   use microslip_surface_height_map, only: height_map_t, new_height_map
+   use microslip_surface_height_map, only: height_map_t, new_height_map, sampling_t
    use testdrive, only: new_unittest, unittest_type, test_error => error_type, check
    implicit none(type, external)
    private
@@ -29,6 +29,8 @@ contains
          & new_unittest('outside', test_outside), &
          & new_unittest('filter-plane', test_filter_plane), &
          & new_unittest('filter-wave', test_filter_wave), &
+         & new_unittest('cells-of-a-grid', test_cells), &
+         & new_unittest('record', test_record), &
          & new_unittest('bad-data', test_bad_data) &
          & ]
    end subroutine collect_surface_height_map
@@ -134,7 +136,7 @@ contains
       real(wp), allocatable :: x(:), y(:), z(:, :), h(:), position(:, :)
       type(height_map_t) :: map
       type(error_t), allocatable :: problem
-      integer :: estimated
+      logical, allocatable :: estimated(:)
 
       call make_plane(x, y, z)
       position = reshape([x(4), y(3), x(5), y(4), x(8), y(6), x(8), y(5)], [2, 4])
@@ -143,7 +145,7 @@ contains
       call new_height_map(map, x, y, z, 'height', problem, max_estimated=0.5_wp)
       call map%set_levelling('none', problem, touching=.false.)
       call map%heights(position, h, problem, estimated)
-      call check(error, .not. allocated(problem) .and. estimated == 2)
+      call check(error, .not. allocated(problem) .and. count(estimated) == 2)
       if (allocated(error)) return
       call check(error, h(1) > z(2, 3) .and. h(1) < z(6, 3) .and. h(2) > z(2, 4) .and. h(2) < z(6, 4))
       if (allocated(error)) return
@@ -160,13 +162,13 @@ contains
       real(wp), allocatable :: x(:), y(:), z(:, :), h(:)
       type(height_map_t) :: map
       type(error_t), allocatable :: problem
-      integer :: estimated
+      logical, allocatable :: estimated(:)
 
       call make_plane(x, y, z)
       call new_height_map(map, x, y, z, 'height', problem, max_estimated=1.0_wp)
       call map%set_levelling('none', problem, touching=.false.)
       call map%heights(reshape([x(1) - 1.0_wp, y(3), x(nx) + 1.0_wp, y(ny) + 1.0_wp, x(2), y(2)], [2, 3]), h, problem, estimated)
-      call check(error, .not. allocated(problem) .and. estimated == 2)
+      call check(error, .not. allocated(problem) .and. count(estimated) == 2)
       if (allocated(error)) return
       call check(error, maxval(abs(h - [z(1, 3), z(nx, ny), z(2, 2)])) <= tol)
    end subroutine test_outside
@@ -202,6 +204,66 @@ contains
          if (allocated(error)) return
       end do
    end subroutine test_filter_wave
+
+   !> A plane with a checkerboard of +-a, 4 x 4 points in every cell, turned by 90 degrees: the planes of the cells are exact,
+   !> and 16 a^2 are left in each of them for 16 - 3 degrees of freedom.
+   subroutine test_cells(error)
+      type(test_error), allocatable, intent(out) :: error
+      integer, parameter :: cells(2) = [3, 2]
+      real(wp), parameter :: a = 0.01_wp
+      real(wp) :: x(4*cells(1)), y(4*cells(2)), z(size(x), size(y)), center(2)
+      type(height_map_t) :: map
+      type(sampling_t) :: sampling
+      type(error_t), allocatable :: problem
+      integer :: i, j
+
+      x = [(0.25_wp*i - 0.125_wp, i=1, size(x))]
+      y = [(0.25_wp*i - 0.125_wp, i=1, size(y))]
+      do j = 1, size(y)
+         z(:, j) = 2.0_wp*x - 0.7_wp*y(j) + a*[((-1)**(i + j), i=1, size(x))]
+      end do
+      call new_height_map(map, x, y, z, 'height', problem)
+      ! (x, y) comes to (-y, x).
+      call map%place([0.0_wp, 0.0_wp], 0.5_wp*pi, 'none', problem)
+      sampling = map%sample([-2.0_wp, 0.0_wp], [0.0_wp, 3.0_wp], cells(2), cells(1))
+      call check(error, sampling%points == size(z) .and. sampling%cells == product(cells))
+      if (allocated(error)) return
+      call check(error, sampling%within, a*sqrt(16.0_wp/13.0_wp), thr=tol)
+      if (allocated(error)) return
+      do j = 1, cells(1)
+         do i = 1, cells(2)
+            center = [j - 0.5_wp, cells(2) - i + 0.5_wp]
+            call check(error, sampling%mean(i + cells(2)*(j - 1)), 2.0_wp*center(1) - 0.7_wp*center(2), thr=10.0_wp*tol)
+            if (allocated(error)) return
+         end do
+      end do
+   end subroutine test_cells
+
+   !> Rms and largest deviation before and after the filter, unknown points and an outlier.
+   subroutine test_record(error)
+      type(test_error), allocatable, intent(out) :: error
+      real(wp), parameter :: height = 100.0_wp
+      real(wp), allocatable :: x(:), y(:), z(:, :)
+      type(height_map_t) :: map
+      type(error_t), allocatable :: problem
+
+      call make_plane(x, y, z)
+      z(2, 2) = ieee_value(1.0_wp, ieee_quiet_nan)
+      z(5, 4) = z(5, 4) - height
+      call new_height_map(map, x, y, z, 'gap', problem, cutoff=1.0_wp)
+      associate (record => map%record)
+         call check(error, all(record%points == [nx, ny]) .and. record%unknown == 1 .and. record%outliers == 1)
+         if (allocated(error)) return
+         ! A gap that is smaller sticks out. The plane over a distance of one point is less than 3.
+         call check(error, record%outlier, height, thr=3.0_wp)
+         if (allocated(error)) return
+         call check(error, abs(record%outlier_at(1) - x(5)) <= 0.0_wp .and. abs(record%outlier_at(2) - y(4)) <= 0.0_wp)
+         if (allocated(error)) return
+         call check(error, record%largest(1) < height .and. record%rms(1) < record%largest(1))
+         if (allocated(error)) return
+         call check(error, record%largest(2) < record%largest(1) .and. record%rms(2) < record%rms(1))
+      end associate
+   end subroutine test_record
 
    subroutine test_bad_data(error)
       type(test_error), allocatable, intent(out) :: error

@@ -89,14 +89,19 @@ contains
    subroutine test_hill_off_centre(error)
       type(test_error), allocatable, intent(out) :: error
       real(wp), parameter :: summit(2) = [5.0e-3_wp, -2.0e-3_wp]
-      type(hill_t) :: hill
+      type(hill_t) :: hill, hollow
       type(error_t), allocatable :: problem
-      real(wp), allocatable :: h(:)
+      real(wp), allocatable :: h(:), turned(:)
 
       call new_hill(hill, lower, upper, summit, height_pp, problem)
       call hill%heights(reshape([summit, summit - [1.0e-9_wp, 0.0_wp], summit + [1.0e-9_wp, 0.0_wp], upper, lower, &
          & lower(1), upper(2)], [2, 6]), h, problem)
       call check(error, h(1) >= h(2) .and. maxval(abs(h(:3))) < 1.0e-12_wp*height_pp)
+      if (allocated(error)) return
+      ! Upside down and half as high: the corner that is farthest touches.
+      call new_hill(hollow, lower, upper, summit, height_pp, problem, scale=-0.5_wp)
+      call hollow%heights(reshape([summit, lower(1), upper(2)], [2, 2]), turned, problem)
+      call check(error, abs(turned(1) + 0.5_wp*height_pp) <= tol*height_pp .and. abs(turned(2)) <= tol*height_pp)
       if (allocated(error)) return
       ! The lowest point is the farthest corner, here that of low t1 and high t2.
       call check(error, abs(h(6) + height_pp) <= tol*height_pp .and. all(h(4:5) > h(6)))

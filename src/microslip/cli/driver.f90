@@ -10,6 +10,7 @@ module microslip_cli_driver
    use microslip_cli_scene, only: build_scene, read_model
    use microslip_cli_scene_report, only: report_scene
    use microslip_cli_set_up, only: reduce_model, build_system
+   use microslip_cli_surface_input, only: report_surface
    use microslip_cli_threads, only: choose_threads, thread_count
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: release_signals, status_of_signal
@@ -104,6 +105,7 @@ contains
       do k = 1, size(run%scene%pads)
          if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &
             & call report_mesh(run%log, run%scene%pads(k), run%scene%meshes(k))
+         call report_surface(run%log, run%scene%surfaces(k))
          call check_mesh(run%scene%pads(k), run%scene%meshes(k), run%warnings)
       end do
       call check_demand(run%demand, output_path(run%case, line), error)

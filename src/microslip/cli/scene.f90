@@ -1,7 +1,8 @@
 !> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
 module microslip_cli_scene
+   use microslip_cli_surface_input, only: read_surface, surface_record_t
    use microslip_core_error, only: bad_input, error_t
-   use microslip_core_kinds, only: wp, pi
+   use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_element, only: cross_product
@@ -15,12 +16,9 @@ module microslip_cli_scene
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
    use microslip_io_calculix, only: read_model_calculix
-   use microslip_io_case, only: case_t, interface_case_t, load_case_t, topography_case_t
+   use microslip_io_case, only: case_t, interface_case_t, load_case_t
    use microslip_io_model_file, only: read_model_hdf5
    use microslip_io_time_series_file, only: read_time_series
-   use microslip_io_topography_file, only: read_topography_hdf5
-   use microslip_surface_height_map, only: height_map_t, new_height_map
-   use microslip_surface_topography, only: topography_t, flat_t, hill_t, new_hill
    use microslip_system_jointed_system, only: jointed_system_t
    use microslip_system_pad, only: pad_t, new_pad, new_node_pad
    implicit none(type, external)
@@ -44,6 +42,8 @@ module microslip_cli_scene
       type(pad_t), allocatable :: pads(:)
       !> (pads) FE meshes at the interfaces
       type(interface_mesh_t), allocatable :: meshes(:)
+      !> (pads) how their surfaces were read
+      type(surface_record_t), allocatable :: surfaces(:)
       !> (rows, loads with a force pattern + sensors) N per unit amplitude; sensor rows
       real(wp), allocatable :: patterns(:, :)
       !> (case loads) index of the load in the system: those with a force pattern, the initial pressure if there is one,
@@ -111,9 +111,9 @@ contains
 
       call read_model(case, scene%model, scene%warnings, error)
       if (allocated(error)) return
-      allocate (scene%pads(size(case%interfaces)), scene%meshes(size(case%interfaces)))
+      allocate (scene%pads(size(case%interfaces)), scene%meshes(size(case%interfaces)), scene%surfaces(size(case%interfaces)))
       do k = 1, size(case%interfaces)
-         call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), error)
+         call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), scene%surfaces(k), scene%warnings, error)
          if (allocated(error)) return
          scene%meshes(k) = measure_interface_mesh(scene%model, scene%pads(k)%contact)
       end do
@@ -143,15 +143,16 @@ contains
    end subroutine check_modes
 
    !> One interface: node pairs, grid, surface, half space.
-   subroutine build_pad(case, record, model, pad, error)
+   subroutine build_pad(case, record, model, pad, surface, warnings, error)
       type(case_t), intent(in) :: case
       type(interface_case_t), intent(in) :: record
       type(fe_model_t), intent(in) :: model
       type(pad_t), intent(out) :: pad
+      type(surface_record_t), intent(out) :: surface
+      type(warning_list_t), intent(inout) :: warnings
       type(error_t), allocatable, intent(out) :: error
       type(contact_interface_t) :: contact
       type(be_grid_t) :: grid
-      class(topography_t), allocatable :: surface
       type(material_t) :: body(2)
       real(wp), allocatable :: height(:)
       integer :: k
@@ -167,9 +168,7 @@ contains
       else
          call make_grid(record, contact, grid, error)
       end if
-      if (.not. allocated(error)) call make_surface(case, record, grid, surface, error)
-      if (.not. allocated(error)) call surface%heights(grid%position, height, error)
-      if (.not. allocated(error)) call check_heights(grid, height, record%topography, error)
+      if (.not. allocated(error)) call read_surface(case, record, grid, height, surface, warnings, error)
       if (record%grid == 'fe_nodes') then
          if (.not. allocated(error)) pad%height = height
       else
@@ -182,22 +181,6 @@ contains
       if (allocated(record%initial_pressure)) pad%initial_pressure = record%initial_pressure
       if (allocated(error)) error%message = case%path//": interface '"//trim(record%name)//"': "//error%message
    end subroutine build_pad
-
-   !> No surface is steeper than its interface is long.
-   subroutine check_heights(grid, height, topography, error)
-      type(be_grid_t), intent(in) :: grid
-      !> (points) m
-      real(wp), intent(in) :: height(:)
-      character(len=*), intent(in) :: topography
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: range, length
-
-      range = maxval(height) - minval(height)
-      length = norm2(maxval(grid%position, 2) - minval(grid%position, 2))
-      if (range <= length .or. size(height) < 2) return
-      call bad_input(error, "topography '"//trim(topography)//"': the heights differ by "//to_text(range, 3)//' m on '// &
-         & to_text(length, 3)//' m, allowed is no more than that length: are units and scale right, and unknown points NaN?')
-   end subroutine check_heights
 
    !> Node pairs of an interface, from node sets or from a plane.
    subroutine find_interface(record, model, contact, error)
@@ -241,60 +224,6 @@ contains
       mask = reshape(points_on_faces(contact, grid%position, overhang), [record%nx, record%ny])
       call new_grid(grid, lower, upper, record%nx, record%ny, error, holes=holes, mask=mask)
    end subroutine make_grid
-
-   !> The surface of an interface.
-   subroutine make_surface(case, record, grid, surface, error)
-      type(case_t), intent(in) :: case
-      type(interface_case_t), intent(in) :: record
-      type(be_grid_t), intent(in) :: grid
-      class(topography_t), allocatable, intent(out) :: surface
-      type(error_t), allocatable, intent(out) :: error
-      type(hill_t) :: hill
-      type(height_map_t) :: map
-      integer :: k
-      real(wp) :: summit(2)
-
-      k = case%find_topography(record%topography)
-      if (k == 0) then
-         allocate (flat_t :: surface)
-         return
-      end if
-      associate (topography => case%topographies(k))
-         select case (trim(topography%source))
-         case ('hill')
-            summit = 0.5_wp*(grid%lower + grid%upper)
-            if (allocated(topography%center)) summit = topography%center
-            call new_hill(hill, grid%lower, grid%upper, summit, topography%height, error)
-            allocate (surface, source=hill)
-         case ('file')
-            call make_map(case, topography, map, error)
-            allocate (surface, source=map)
-         case default
-            allocate (flat_t :: surface)
-         end select
-         if (.not. allocated(error)) call surface%set_levelling(trim(topography%level), error)
-      end associate
-   end subroutine make_surface
-
-   !> A surface from a file.
-   subroutine make_map(case, topography, map, error)
-      type(case_t), intent(in) :: case
-      type(topography_case_t), intent(in) :: topography
-      type(height_map_t), intent(out) :: map
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: x(:), y(:), z(:, :)
-      character(len=:), allocatable :: unit, z_name
-
-      ! An argument that is not allocated counts as absent.
-      if (topography%unit_length /= '') unit = trim(topography%unit_length)
-      if (topography%z_name /= '') z_name = trim(topography%z_name)
-      call read_topography_hdf5(case%located(topography%file), x, y, z, error, trim(topography%x_name), &
-         & trim(topography%y_name), z_name, unit)
-      if (allocated(error)) return
-      call new_height_map(map, x, y, z, trim(topography%sense), error, topography%scale, topography%filter_wavelength)
-      if (allocated(error)) return
-      call map%place(topography%offset, topography%rotation*pi/180.0_wp, 'none', error)
-   end subroutine make_map
 
    !> Force patterns of the loads, then the sensor rows.
    subroutine build_patterns(case, scene, error)

@@ -5,6 +5,7 @@ module microslip_cli_static_analyses
    use microslip_cli_log, only: listed
    use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
       & shape_of_mode
+   use microslip_cli_surface_input, only: check_closed_points
    use microslip_core_error, only: error_t, failure
    use microslip_core_interruption, only: hold_signals, release_signals
    use microslip_core_kinds, only: wp
@@ -22,7 +23,7 @@ contains
       type(run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
       type(preload_record_t) :: record
-      integer :: added, round
+      integer :: added, round, k, first, last
 
       do round = 1, 20
          call run_preload(run%system, preload_options(run), contact_options(run), run%state, record, error)
@@ -43,6 +44,14 @@ contains
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       call check_pressure(run, record, error)
       if (allocated(error)) return
+      do k = 1, size(run%system%pads)
+         associate (pad => run%system%pads(k))
+            first = pad%point_offset + 1
+            last = pad%point_offset + size(pad%potential)
+            call check_closed_points(run%scene%surfaces(k), pad%potential, run%state%contact%status(first:last) > 0, &
+               & run%state%contact%force(1, first:last), run%warnings)
+         end associate
+      end do
       if (round > 1) call write_system(run, error)
       if (.not. allocated(error)) call run%results%write_preload(run%system, run%state, record, run%scene%load_names, error)
       call run%clock%stop('write')

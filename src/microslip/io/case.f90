@@ -72,8 +72,10 @@ module microslip_io_case
       !> file: HDF5 file and its datasets
       character(len=path_length) :: file = ''
       character(len=name_length) :: x_name = 'x', y_name = 'y', z_name = ''
-      !> file: 'm', 'mm', 'um'; blank: as the file says
+      !> file: 'm', 'mm', 'um', 'nm'; blank: as the file says
       character(len=name_length) :: unit_length = ''
+      !> file: 'z[x,y]' or 'z[y,x]', as h5py shows the heights; blank: as the file says
+      character(len=name_length) :: layout = ''
       !> file: 'height' (of side B's surface towards A) or 'gap' (between both)
       character(len=name_length) :: sense = ''
       !> 'none', 'mean' or 'plane'

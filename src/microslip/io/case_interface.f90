@@ -3,7 +3,6 @@ module microslip_io_case_interface
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: lower_case, to_text
    use microslip_io_case, only: interface_case_t, topography_case_t, name_length
-   use microslip_io_case_model, only: length_units
    use microslip_io_group_keys, only: group_keys_t
    use microslip_io_value_range, only: any_value, positive, non_negative, at_least, between
    implicit none(type, external)
@@ -11,6 +10,7 @@ module microslip_io_case_interface
 
    public :: interface_keys, topography_keys
 
+   character(len=*), parameter :: length_units(4) = ['m ', 'mm', 'um', 'nm'], layouts(2) = ['z[x,y]', 'z[y,x]']
    integer, parameter :: most_cells = 10000, most_holes = 20
 
 contains
@@ -149,15 +149,21 @@ contains
          call keys%name_key('z_name', record%z_name)
          if (keys%is_reading .or. record%unit_length /= '') &
             call keys%name_key('unit_length', record%unit_length, length_units)
+         if (keys%is_reading .or. record%layout /= '') call keys%name_key('layout', record%layout, layouts)
          call keys%name_key('sense', record%sense, ['height', 'gap   '], required=.true.)
       else
-         call keys%ignored([character(len=12) :: 'file', 'x_name', 'y_name', 'z_name', 'unit_length', 'sense'], &
+         call keys%ignored([character(len=12) :: 'file', 'x_name', 'y_name', 'z_name', 'unit_length', 'layout', &
+            'sense'], &
             "with source = 'file'", decided_by='source')
       end if
       if (record%source /= 'flat') then
          offset = record%offset
          call keys%name_key('level', record%level, ['none ', 'mean ', 'plane'])
-         call keys%optional_real('filter_wavelength', record%filter_wavelength, positive)
+         if (record%source == 'file') then
+            call keys%optional_real('filter_wavelength', record%filter_wavelength, positive)
+         else
+            call keys%ignored(['filter_wavelength'], "with source = 'file' (a hill has no short waves)", decided_by='source')
+         end if
          call keys%real_list('offset', offset, any_value, [2, 2])
          record%offset = offset
          call keys%real_key('rotation', record%rotation, any_value)

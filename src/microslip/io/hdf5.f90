@@ -9,18 +9,21 @@
 !> switched off. Not thread-safe: call from one thread only.
 module microslip_io_hdf5
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_null_char, c_null_ptr, c_associated, c_ptr
-   use h5ds, only: h5dsattach_scale_f, h5dsis_scale_f, h5dsset_scale_f
-   use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_space_f, &
-      h5aget_type_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, h5dclose_f, h5dcreate_f, h5dget_space_f, &
+   use h5ds, only: h5dsattach_scale_f, h5dsis_attached_f, h5dsis_scale_f, h5dsset_scale_f
+   use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_name_f, &
+      h5aget_num_attrs_f, h5aget_space_f, h5aget_type_f, h5aopen_by_idx_f, h5aopen_by_name_f, h5aread_f, &
+      h5awrite_f, h5dclose_f, h5dcreate_f, h5dget_space_f, &
       h5dget_type_f, h5dont_atexit_f, h5dopen_f, h5dread_f, h5dset_extent_f, &
       h5dvlen_reclaim_f, h5dwrite_f, h5eset_auto_f, h5fclose_f, &
       h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5gget_obj_info_idx_f, &
-      h5gn_members_f, h5ldelete_f, h5lexists_f, h5open_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
+      h5gn_members_f, h5ldelete_f, h5lexists_f, h5oclose_f, h5oopen_f, &
+      h5open_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
       h5pset_create_inter_group_f, h5pset_deflate_f, h5pset_fclose_degree_f, h5pset_shuffle_f, h5sclose_f, &
       h5screate_f, h5screate_simple_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
       h5sget_simple_extent_npoints_f, h5sselect_hyperslab_f, h5tclose_f, h5tcopy_f, h5tequal_f, h5tget_class_f, &
       h5tget_size_f, h5tis_variable_str_f, h5tset_cset_f, hid_t, hsize_t, size_t, h5f_acc_rdonly_f, h5f_acc_rdwr_f, &
-      h5f_acc_trunc_f, h5f_close_strong_f, h5f_scope_global_f, h5p_dataset_create_f, h5p_default_f, &
+      h5f_acc_trunc_f, h5f_close_strong_f, h5f_scope_global_f, h5_index_name_f, h5_iter_inc_f, &
+      h5p_dataset_create_f, h5p_default_f, &
       h5p_file_access_f, h5p_link_create_f, h5s_scalar_f, h5s_select_set_f, h5s_unlimited_f, h5t_cset_utf8_f, &
       h5t_float_f, h5t_integer_f, h5t_native_double, h5t_native_integer, h5t_string, h5t_string_f
    use microslip_core_error, only: bad_input, error_t, failure
@@ -60,7 +63,9 @@ module microslip_io_hdf5
       procedure :: shape_of
       procedure :: make_scale
       procedure :: attach_scale
+      procedure :: is_attached
       procedure :: has_attribute
+      procedure :: attributes
       generic :: write => write_real_0, write_real_1, write_real_2, write_real_3, write_integer_0, write_integer_1, &
          write_integer_2, write_integer_3, write_string, write_strings
       generic :: read => read_real_0, read_real_1, read_real_2, read_real_3, read_integer_0, read_integer_1, &
@@ -1001,6 +1006,36 @@ contains
       if (status < 0) has_attribute = .false.
    end function has_attribute
 
+   !> Names of the attributes of a group or dataset, in alphabetical order.
+   subroutine attributes(self, path, names, error)
+      class(hdf5_file_t), intent(in) :: self
+      !> Group or dataset, '/' for the file
+      character(len=*), intent(in) :: path
+      !> (attributes)
+      character(len=name_length), allocatable, intent(out) :: names(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer(hid_t) :: object, id
+      integer(hsize_t) :: k
+      integer :: count, status
+
+      status = -1
+      if (self%has(path)) call h5oopen_f(self%id, path, object, status)
+      if (status < 0) then
+         call bad_input(error, about(self, path)//'there is no such group or dataset')
+         return
+      end if
+      call h5aget_num_attrs_f(object, count, status)
+      allocate (names(max(0, count)))
+      names = ''
+      do k = 1, size(names)
+         call h5aopen_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, k - 1, id, status)
+         if (status < 0) cycle
+         call h5aget_name_f(id, int(name_length, size_t), names(k), status)
+         call h5aclose_f(id, status)
+      end do
+      call h5oclose_f(object, status)
+   end subroutine attributes
+
    subroutine get_attribute_real(self, path, name, value, error, default)
       class(hdf5_file_t), intent(in) :: self
       character(len=*), intent(in) :: path, name
@@ -1158,6 +1193,34 @@ contains
       end if
       call h5dclose_f(id, status)
    end subroutine attach_scale
+
+   !> Whether a dataset is the axis of one dimension of another one. No: there is nothing that says so.
+   logical function is_attached(self, path, dimension, scale)
+      class(hdf5_file_t), intent(in) :: self
+      !> Dataset
+      character(len=*), intent(in) :: path
+      !> Which dimension, counted as in Fortran
+      integer, intent(in) :: dimension
+      !> Path of the axis
+      character(len=*), intent(in) :: scale
+      type(error_t), allocatable :: error
+      integer(hid_t) :: id, axis
+      integer :: status, rank
+
+      is_attached = .false.
+      call open_dataset(self, path, id, error)
+      if (allocated(error)) return
+      call open_dataset(self, scale, axis, error)
+      if (.not. allocated(error)) then
+         rank = size(dataset_shape(id))
+         call h5dsis_scale_f(axis, is_attached, status)
+         if (status < 0) is_attached = .false.
+         if (is_attached) call h5dsis_attached_f(id, axis, rank - dimension + 1, is_attached, status)
+         if (status < 0) is_attached = .false.
+         call h5dclose_f(axis, status)
+      end if
+      call h5dclose_f(id, status)
+   end function is_attached
 
    ! ---------------------------------------------------------------------------------------------- series
 

@@ -11,11 +11,36 @@ module microslip_surface_height_map
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text, lower_case
    use microslip_surface_gaussian_filter, only: low_pass
+   use microslip_surface_scan_check, only: about_plane, find_outliers
    use microslip_surface_topography, only: topography_t
    implicit none(type, external)
    private
 
-   public :: height_map_t, new_height_map
+   public :: height_map_t, new_height_map, scan_record_t, sampling_t
+
+   !> What a map is made of.
+   type :: scan_record_t
+      !> Points along x and y, and how many of them are unknown
+      integer :: points(2) = 0, unknown = 0
+      !> Ends of x and of y, m
+      real(wp) :: lower(2) = 0.0_wp, upper(2) = 0.0_wp
+      !> Root mean square and largest deviation from the mean plane, before and after the filter, m
+      real(wp) :: rms(2) = 0.0_wp, largest(2) = 0.0_wp
+      !> Points that deviate from their neighbours as no other does; where the worst is, m, and by how much, m
+      integer :: outliers = 0
+      real(wp) :: outlier_at(2) = 0.0_wp, outlier = 0.0_wp
+   end type scan_record_t
+
+   !> How cells of a grid compare with the scan points in them.
+   type :: sampling_t
+      !> Known scan points in all cells, and cells with enough of them for a plane
+      integer :: points = 0, cells = 0
+      !> Root mean square of the heights about the plane of their cell, m: waves shorter than a cell
+      real(wp) :: within = 0.0_wp
+      !> (cells of the grid) whether there are enough points, and mean height at the centre, m
+      logical, allocatable :: filled(:)
+      real(wp), allocatable :: mean(:)
+   end type sampling_t
 
    !> Heights on a rectangular grid and how it lies on the interface.
    type, extends(topography_t) :: height_map_t
@@ -34,8 +59,10 @@ module microslip_surface_height_map
       real(wp) :: mirror(2) = 1.0_wp
       !> Largest accepted share of contact points without known heights
       real(wp) :: max_estimated = 0.1_wp
+      type(scan_record_t), public :: record
    contains
       procedure :: evaluate
+      procedure :: sample
       procedure :: place
    end type height_map_t
 
@@ -81,6 +108,7 @@ contains
          map%z = scale*map%z
       end if
       if (present(max_estimated)) map%max_estimated = max_estimated
+      call look_at_data(map)
       if (present(cutoff)) then
          if (.not. cutoff > 0.0_wp) then
             call bad_input(error, 'the cut-off wavelength must be positive, got '//to_text(cutoff))
@@ -88,9 +116,40 @@ contains
          end if
          call low_pass(x, y, cutoff, map%z)
       end if
+      call measure(map, 2)
       map%known = .not. ieee_is_nan(map%z)
       call fill_gaps(map%z)
    end subroutine new_height_map
+
+   !> The record of the data before the filter.
+   subroutine look_at_data(map)
+      type(height_map_t), intent(inout) :: map
+      integer :: worst(2)
+
+      associate (record => map%record)
+         record%points = [size(map%x), size(map%y)]
+         record%unknown = count(ieee_is_nan(map%z))
+         record%lower = [map%x(1), map%y(1)]
+         record%upper = [map%x(size(map%x)), map%y(size(map%y))]
+         call find_outliers(map%x, map%y, map%z, record%outliers, worst, record%outlier)
+         if (record%outliers > 0) record%outlier_at = [map%x(worst(1)), map%y(worst(2))]
+      end associate
+      call measure(map, 1)
+   end subroutine look_at_data
+
+   !> Deviation of the heights from their mean plane.
+   subroutine measure(map, stage)
+      type(height_map_t), intent(inout) :: map
+      !> 1: before the filter, 2: after it
+      integer, intent(in) :: stage
+      real(wp), allocatable :: flat(:)
+
+      flat = about_plane(map%x, map%y, map%z, .not. ieee_is_nan(map%z))
+      map%record%largest(stage) = maxval(abs(flat))
+      ! Heights may be so small that their squares vanish.
+      if (map%record%largest(stage) > 0.0_wp) map%record%rms(stage) = map%record%largest(stage) &
+         & *norm2(flat/map%record%largest(stage))/sqrt(real(size(flat), wp))
+   end subroutine measure
 
    !> What `new_height_map` asks of the data.
    subroutine check_data(x, y, z, error)
@@ -177,27 +236,116 @@ contains
       real(wp), intent(in) :: position(:, :)
       !> (points) m
       real(wp), intent(out) :: height(:)
-      !> Number of points outside the data or next to unknown values
-      integer, intent(out) :: estimated
+      !> (points) whether they are outside the data or next to unknown values
+      logical, intent(out) :: estimated(:)
       !> Set when the estimated points are too many
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: moved(2), d(2)
+      real(wp) :: d(2)
       logical :: known
-      integer :: k
+      integer :: k, guesses
 
-      estimated = 0
       do k = 1, size(height)
-         moved = position(:, k) - self%offset
-         d = self%mirror*[cos(self%angle)*moved(1) + sin(self%angle)*moved(2), &
-            & cos(self%angle)*moved(2) - sin(self%angle)*moved(1)]
+         d = data_coordinates(self, position(:, k))
          call interpolate(self, d, height(k), known)
-         if (.not. known) estimated = estimated + 1
+         estimated(k) = .not. known
       end do
-      if (estimated > self%max_estimated*size(height)) then
-         call bad_input(error, to_text(estimated)//' of '//to_text(size(height))//' contact points have no known '// &
+      guesses = count(estimated)
+      if (guesses > self%max_estimated*size(height)) then
+         call bad_input(error, to_text(guesses)//' of '//to_text(size(height))//' contact points have no known '// &
             & 'topography (outside the data or in its gaps); the largest accepted share is '//to_text(self%max_estimated))
       end if
    end subroutine evaluate
+
+   !> Where in the data a point of the interface lies.
+   pure function data_coordinates(self, position) result(d)
+      type(height_map_t), intent(in) :: self
+      !> t1, t2, m
+      real(wp), intent(in) :: position(2)
+      real(wp) :: d(2), moved(2)
+
+      moved = position - self%offset
+      d = self%mirror*[cos(self%angle)*moved(1) + sin(self%angle)*moved(2), &
+         & cos(self%angle)*moved(2) - sin(self%angle)*moved(1)]
+   end function data_coordinates
+
+   !> Compare the cells of a regular grid with the known scan points in them: a plane through the points of every cell,
+   !>
+   !>     z = m + a xi + b eta + e,      xi, eta = -1/2 ... 1/2 in the cell,
+   !>
+   !> by least squares. m is the mean height at the centre; `within` is the standard deviation of e over all cells, with the
+   !> three parameters of every plane taken off the number of points.
+   function sample(self, lower, upper, nx, ny) result(sampling)
+      class(height_map_t), intent(in) :: self
+      !> Corners of the grid along t1, t2, m
+      real(wp), intent(in) :: lower(2), upper(2)
+      !> Cells along t1, t2
+      integer, intent(in) :: nx, ny
+      type(sampling_t) :: sampling
+      !> Fewest points for a plane and an estimate of the rest
+      integer, parameter :: fewest = 4
+      real(wp), allocatable :: sums(:, :)
+      real(wp) :: p(2), xi(2), total, left, unit
+      integer :: i, j, cell, k(2), freedom
+
+      unit = max(self%record%largest(2), tiny(1.0_wp))
+      allocate (sums(10, nx*ny), source=0.0_wp)
+      do j = 1, size(self%y)
+         do i = 1, size(self%x)
+            if (.not. self%known(i, j)) cycle
+            p = self%mirror*[self%x(i), self%y(j)]
+            p = self%offset + [cos(self%angle)*p(1) - sin(self%angle)*p(2), sin(self%angle)*p(1) + cos(self%angle)*p(2)]
+            if (any(p < lower) .or. any(p > upper)) cycle
+            xi = (p - lower)/(upper - lower)*[nx, ny]
+            k = min(int(xi), [nx, ny] - 1)
+            xi = xi - k - 0.5_wp
+            cell = 1 + k(1) + nx*k(2)
+            associate (z => self%z(i, j)/unit)
+               sums(:, cell) = sums(:, cell) + [1.0_wp, xi, xi(1)**2, xi(1)*xi(2), xi(2)**2, z, xi*z, z**2]
+            end associate
+         end do
+      end do
+      allocate (sampling%filled(nx*ny), source=.false.)
+      allocate (sampling%mean(nx*ny), source=0.0_wp)
+      sampling%points = nint(sum(sums(1, :)))
+      total = 0.0_wp
+      freedom = 0
+      do cell = 1, nx*ny
+         if (nint(sums(1, cell)) < fewest) cycle
+         call plane_of_cell(sums(:, cell), sampling%mean(cell), left, sampling%filled(cell))
+         if (.not. sampling%filled(cell)) cycle
+         total = total + left
+         freedom = freedom + nint(sums(1, cell)) - 3
+      end do
+      sampling%cells = count(sampling%filled)
+      sampling%mean = unit*sampling%mean
+      sampling%within = unit*sqrt(max(0.0_wp, total)/max(1, freedom))
+   end function sample
+
+   !> Plane through the points of a cell from their sums (1, xi, eta, xi^2, xi eta, eta^2, z, xi z, eta z, z^2).
+   pure subroutine plane_of_cell(s, mean, left, found)
+      real(wp), intent(in) :: s(10)
+      !> Height at the centre
+      real(wp), intent(out) :: mean
+      !> Sum of the squares of what is left
+      real(wp), intent(out) :: left
+      !> False where the points are on one line
+      logical, intent(out) :: found
+      real(wp) :: c(2), q(2), slope(2), sxx, sxy, syy, determinant
+
+      c = s(2:3)/s(1)
+      sxx = s(4) - s(1)*c(1)**2
+      sxy = s(5) - s(1)*c(1)*c(2)
+      syy = s(6) - s(1)*c(2)**2
+      q = s(8:9) - c*s(7)
+      determinant = sxx*syy - sxy**2
+      found = determinant > 1.0e-6_wp*(sxx + syy)**2
+      mean = 0.0_wp
+      left = 0.0_wp
+      if (.not. found) return
+      slope = [syy*q(1) - sxy*q(2), sxx*q(2) - sxy*q(1)]/determinant
+      mean = s(7)/s(1) - dot_product(slope, c)
+      left = max(0.0_wp, s(10) - s(7)**2/s(1) - dot_product(slope, q))
+   end subroutine plane_of_cell
 
    !> Bilinear value at data coordinates d. It is known if d lies within the data (to rounding) and every corner
    !> of its cell that has weight is known.

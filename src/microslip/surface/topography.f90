@@ -41,8 +41,8 @@ module microslip_surface_topography
          real(wp), intent(in) :: position(:, :)
          !> (points) m
          real(wp), intent(out) :: height(:)
-         !> Number of points whose height is not known but estimated from neighbours
-         integer, intent(out) :: estimated
+         !> (points) whether the height is not known but estimated from neighbours
+         logical, intent(out) :: estimated(:)
          !> Set when the surface does not give the heights
          type(error_t), allocatable, intent(out) :: error
       end subroutine evaluate_surface
@@ -64,6 +64,8 @@ module microslip_surface_topography
    type, extends(topography_t) :: hill_t
       private
       real(wp) :: lower(2) = 0.0_wp, upper(2) = 0.0_wp, summit(2) = 0.0_wp, peak_to_peak = 0.0_wp
+      !> Factor on the heights
+      real(wp) :: scale = 1.0_wp
    contains
       procedure :: evaluate => evaluate_hill
    end type hill_t
@@ -110,14 +112,15 @@ contains
       real(wp), allocatable, intent(out) :: height(:)
       !> Set when the surface does not give the heights
       type(error_t), allocatable, intent(out) :: error
-      !> Number of points whose height is not known but estimated from neighbours
-      integer, intent(out), optional :: estimated
+      !> (points) whether the height is not known but estimated from neighbours
+      logical, allocatable, intent(out), optional :: estimated(:)
       type(plane_t) :: plane
-      integer :: k, guesses
+      logical, allocatable :: guessed(:)
+      integer :: k
 
-      allocate (height(size(position, 2)))
-      call self%evaluate(position, height, guesses, error)
-      if (present(estimated)) estimated = guesses
+      allocate (height(size(position, 2)), guessed(size(position, 2)))
+      call self%evaluate(position, height, guessed, error)
+      if (present(estimated)) estimated = guessed
       if (allocated(error) .or. size(height) == 0) return
       select case (self%levelling)
       case (level_mean)
@@ -138,17 +141,17 @@ contains
       real(wp), intent(in) :: position(:, :)
       !> (points) m
       real(wp), intent(out) :: height(:)
-      !> Zero
-      integer, intent(out) :: estimated
+      !> (points) false
+      logical, intent(out) :: estimated(:)
       !> Never set
       type(error_t), allocatable, intent(out) :: error
 
       height = 0.0_wp
-      estimated = 0
+      estimated = .false.
    end subroutine evaluate_flat
 
    !> A hill on a rectangle.
-   subroutine new_hill(hill, lower, upper, summit, peak_to_peak, error)
+   subroutine new_hill(hill, lower, upper, summit, peak_to_peak, error, scale)
       !> The surface
       type(hill_t), intent(out) :: hill
       !> Corners of the rectangle along t1, t2, m
@@ -159,7 +162,10 @@ contains
       real(wp), intent(in) :: peak_to_peak
       !> Set when the values make no hill
       type(error_t), allocatable, intent(out) :: error
+      !> Factor on the heights, 1 by default; negative: a hollow
+      real(wp), intent(in), optional :: scale
 
+      if (present(scale)) hill%scale = scale
       if (.not. (all(lower < summit) .and. all(summit < upper))) then
          call bad_input(error, 'the summit of the hill ('//to_text(summit(1))//', '//to_text(summit(2))// &
             & ') must lie inside its rectangle')
@@ -180,21 +186,21 @@ contains
       real(wp), intent(in) :: position(:, :)
       !> (points) m
       real(wp), intent(out) :: height(:)
-      !> Zero
-      integer, intent(out) :: estimated
+      !> (points) false
+      logical, intent(out) :: estimated(:)
       !> Never set
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: farthest, span
       integer :: k
 
-      estimated = 0
+      estimated = .false.
       farthest = norm2(max(self%upper - self%summit, self%summit - self%lower))
       do k = 1, size(height)
          height(k) = cos(0.5_wp*pi*min(1.0_wp, norm2(position(:, k) - self%summit)/farthest))**2
       end do
       if (size(height) == 0) return
       span = maxval(height) - minval(height)
-      if (span > 0.0_wp) height = height*(self%peak_to_peak/span)
+      if (span > 0.0_wp) height = height*(self%scale*self%peak_to_peak/span)
    end subroutine evaluate_hill
 
    !> A wave.
@@ -228,12 +234,12 @@ contains
       real(wp), intent(in) :: position(:, :)
       !> (points) m
       real(wp), intent(out) :: height(:)
-      !> Zero
-      integer, intent(out) :: estimated
+      !> (points) false
+      logical, intent(out) :: estimated(:)
       !> Never set
       type(error_t), allocatable, intent(out) :: error
 
-      estimated = 0
+      estimated = .false.
       height = self%amplitude*cos(2.0_wp*pi/self%wavelength* &
          & (position(1, :)*cos(self%angle) + position(2, :)*sin(self%angle)))
    end subroutine evaluate_waviness
