@@ -8,7 +8,7 @@ module microslip_cli_driver
    use microslip_cli_restart, only: open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
-   use microslip_cli_scene_report, only: report_scene
+   use microslip_cli_scene_report, only: report_elements, report_scene
    use microslip_cli_set_up, only: reduce_model, build_system
    use microslip_cli_surface_input, only: report_surface
    use microslip_cli_threads, only: choose_threads, thread_count
@@ -101,6 +101,7 @@ contains
       end if
       call run%clock%stop('read')
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
+      call report_elements(run%log, run%scene%model)
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
       do k = 1, size(run%scene%pads)
          if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &

@@ -9,14 +9,14 @@ module microslip_cli_scene_report
    use microslip_cli_scene, only: scene_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_fe_model, only: element_counts
+   use microslip_fe_model, only: element_counts, fe_model_t
    use microslip_io_case, only: case_t
    use microslip_system_compliance_choice, only: why_form
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
    private
 
-   public :: report_scene
+   public :: report_scene, report_elements
 
    !> Rates that the time estimates rest on: dense and sparse factorisation, memory traffic of one core.
    real(wp), parameter :: dense_rate = 3.0e10_wp, sparse_rate = 5.0e9_wp, memory_rate = 5.0e9_wp
@@ -36,11 +36,6 @@ contains
 
       call log%line('FE model: '//to_text(scene%model%node_count())//' nodes, '//to_text(scene%model%row_count()) &
          & //' rows, '//to_text(scene%model%stiffness%entries())//' entries in the stiffness triangle')
-      call log%line('elements: '//element_counts(scene%model%elements))
-      if (allocated(scene%model%other_elements)) then
-         if (size(scene%model%other_elements) > 0) call log%line('elements that cannot be joints: '// &
-            & element_counts(scene%model%other_elements))
-      end if
       do k = 1, size(scene%pads)
          associate (pad => scene%pads(k))
             call log%line("interface '"//pad%contact%name//"': "//to_text(pad%contact%pair_count())//' node pairs, ' &
@@ -51,6 +46,16 @@ contains
       call report_cost(log, case, scene, demand)
       call report_skipped(log, case, scene)
    end subroutine report_scene
+
+   !> Which elements the model has, if some of them cannot be joints.
+   subroutine report_elements(log, model)
+      type(log_t), intent(in) :: log
+      type(fe_model_t), intent(in) :: model
+
+      if (.not. allocated(model%other_elements)) return
+      if (size(model%other_elements) > 0) call log%line('elements: '//element_counts(model%elements) &
+         & //'; others, which cannot be joints: '//element_counts(model%other_elements))
+   end subroutine report_elements
 
    !> Where the contact points of a pad come from, in words.
    function points_of(pad) result(text)

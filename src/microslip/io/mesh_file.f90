@@ -5,7 +5,7 @@ module microslip_io_mesh_file
    use microslip_fe_model, only: fe_model_t
    use microslip_io_mesh_abaqus, only: read_mesh_abaqus
    use microslip_io_mesh_builder, only: mesh_builder_t
-   use microslip_io_mesh_format, only: format_gmsh, readable_meshes, tell_mesh_format
+   use microslip_io_mesh_format, only: format_gmsh, format_unknown, readable_meshes, tell_mesh_format
    use microslip_io_mesh_gmsh, only: read_mesh_gmsh
    implicit none(type, external)
    private
@@ -33,8 +33,8 @@ contains
          call read_mesh_gmsh(path, builder, error)
       else
          call read_mesh_abaqus(path, builder, error)
-         if (.not. allocated(error) .and. builder%nodes == 0) call bad_input(error, path//': holds no nodes (no *NODE card '// &
-            'with data lines): is it a mesh? '//readable_meshes)
+         if (.not. allocated(error) .and. builder%nodes == 0 .and. format == format_unknown) call bad_input(error, path// &
+            ': format not known, there is no *NODE card; '//readable_meshes)
       end if
       if (.not. allocated(error)) call builder%finish(path, model, error)
       warnings = builder%warnings

@@ -6,10 +6,10 @@ module microslip_io_mesh_format
    implicit none(type, external)
    private
 
-   public :: tell_mesh_format, mesh_format_in_words, format_gmsh, format_abaqus, readable_meshes
+   public :: tell_mesh_format, mesh_format_in_words, format_gmsh, format_abaqus, format_unknown, readable_meshes
 
    !> Meshes that are read.
-   integer, parameter :: format_abaqus = 1, format_gmsh = 2
+   integer, parameter :: format_unknown = 0, format_abaqus = 1, format_gmsh = 2
    character(len=*), parameter :: readable_meshes = &
       'readable are Abaqus/CalculiX decks (.inp) and gmsh meshes (.msh, ASCII, versions 4.1 and 2.2)'
    !> Bytes that are looked at.
@@ -17,28 +17,33 @@ module microslip_io_mesh_format
 
 contains
 
-   !> Which reader is for a mesh file. A file that is not recognised is taken as a deck: it may begin with anything.
+   !> Which reader is for a mesh file. A file that is not recognised may be a deck that begins with something else.
    subroutine tell_mesh_format(path, format, error)
       !> Where it is
       character(len=*), intent(in) :: path
-      !> `format_abaqus` or `format_gmsh`
+      !> `format_abaqus`, `format_gmsh` or `format_unknown`
       integer, intent(out) :: format
       !> A file that cannot be read, or is known as something else
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: bytes, kind
+      logical :: is_folder
 
-      format = format_abaqus
+      format = format_unknown
       call read_beginning(path, bytes, error)
       if (allocated(error)) return
       kind = kind_of(bytes)
       if (kind == 'a gmsh mesh') then
          format = format_gmsh
+      else if (kind == 'an Abaqus/CalculiX deck') then
+         format = format_abaqus
       else if (kind == 'an HDF5 file') then
-         call bad_input(error, path//': an HDF5 file, where a mesh is expected: a model of this program is named by '// &
+         call bad_input(error, path//': format not known, it is an HDF5 file: a model of this program is named by '// &
             "source = 'hdf5' and file; "//readable_meshes)
       else if (kind == 'empty') then
-         call bad_input(error, path//': is empty')
-      else if (kind /= '' .and. kind /= 'an Abaqus/CalculiX deck') then
+         inquire (file=path//'/.', exist=is_folder)
+         call bad_input(error, path//trim(merge(': is a folder', ': is empty   ', is_folder))//', a mesh is expected; '// &
+            readable_meshes)
+      else if (kind /= '') then
          call bad_input(error, path//': format not known, it looks like '//kind//'; '//readable_meshes)
       end if
    end subroutine tell_mesh_format
