@@ -5,7 +5,8 @@ program main
    use microslip_cli_command_line, only: command_line_t, parse_command_line, process_arguments, help_text
    use microslip_cli_driver, only: run_cases
    use microslip_core_error, only: error_t
-   use microslip_core_interruption, only: watch_signals
+   use microslip_core_interruption, only: stop_requested, watch_signals
+   use microslip_core_standard_streams, only: open_streams, output_fault, put_line
    use microslip_core_version, only: program_version
    use microslip_core_warning_list, only: warning_list_t
    implicit none(type, external)
@@ -14,6 +15,7 @@ program main
    type(error_t), allocatable :: error
    type(warning_list_t) :: warnings
 
+   call open_streams()
    call prepare_process(warnings, error)
    if (.not. allocated(error)) then
       call watch_signals()
@@ -21,15 +23,18 @@ program main
    end if
    if (.not. allocated(error)) then
       if (line%help) then
-         write (output_unit, '(a)') help_text()
+         call put_line(output_unit, help_text())
       else if (line%version) then
-         write (output_unit, '(2a)') 'microslip ', program_version
+         call put_line(output_unit, 'microslip '//program_version)
       else
          call run_cases(line, error, warnings)
       end if
    end if
+   if (.not. allocated(error)) call stop_requested(error)
+   if (output_fault() /= '') call put_line(error_unit, 'microslip: warning: standard output could not be written to the end ('// &
+      & output_fault()//'): a log that is kept there is not complete')
    if (allocated(error)) then
-      write (error_unit, '(2a)') 'microslip: ', error%message
+      call put_line(error_unit, 'microslip: '//error%message)
       stop error%status, quiet=.true.
    end if
 end program main

@@ -240,7 +240,7 @@ class Campaign:
             start = processor_time()
             process = self.start("--output", os.path.join(disk, "other.h5"))
             message = process.communicate()[1]
-            faults = [] if process.returncode == 2 and "cannot write" in message else [f"{process.returncode}: {message}"]
+            faults = [] if process.returncode == 2 and "cannot be written" in message else [f"{process.returncode}: {message}"]
             faults += [] if processor_time() - start < 0.5*self.processor_seconds else ["the fault was found late"]
             self.verdict("a folder that may not be written", faults)
         finally:

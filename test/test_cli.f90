@@ -142,10 +142,10 @@ contains
       if (allocated(error)) return
       call check(error, line%cases(1)%text == 'case.nml', 'another case')
       if (allocated(error)) return
-      call parse_command_line(words('a.nml --verbose b.nml --write-model m.h5'), line, lib)
+      call parse_command_line(words('a.nml --verbose b.nml'), line, lib)
       call good(error, lib)
       if (allocated(error)) return
-      call check(error, line%verbose .and. line%write_model == 'm.h5' .and. line%threads == 0 .and. .not. line%check &
+      call check(error, line%verbose .and. line%threads == 0 .and. .not. line%check &
          & .and. .not. allocated(line%output) .and. size(line%cases) == 2, 'options between the cases')
       if (allocated(error)) return
       call check(error, line%cases(1)%text == 'a.nml' .and. line%cases(2)%text == 'b.nml', 'the order of the cases')
@@ -176,6 +176,10 @@ contains
       if (.not. allocated(error)) call expect('case.nml --output', '--output: a value must follow')
       if (.not. allocated(error)) call expect('case.nml --output --check', '--output: a value must follow')
       if (.not. allocated(error)) call expect('a.nml b.nml --output o.h5', '--output: only with one case')
+      if (.not. allocated(error)) call expect('a.nml b.nml --write-model m.h5', '--write-model: only with one case')
+      if (.not. allocated(error)) call expect('a.nml --output o.h5 --output p.h5', '--output: only once')
+      if (.not. allocated(error)) call expect('a.nml --output o.h5 --write-model m.h5', '--write-model and --output')
+      if (.not. allocated(error)) call expect('a.nml --restart --write-model m.h5', '--write-model and --restart')
       if (.not. allocated(error)) call expect('a.nml --quiet --verbose', 'exclude one another')
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', "'--slow'")
       if (.not. allocated(error)) call expect('--quiet --slow --verbose --threads x', 'exclude')

@@ -6,9 +6,11 @@
 writes PREFIX_history.png (sensors), PREFIX_interface.png (pressure and slip ratio), PREFIX_energy.png (contact counts,
 energies, balance error), PREFIX_modal.png (frequency and damping over amplitude) and PREFIX_overview.png (the others in
 one). What the file does not hold is not drawn; files of
-runs that still go on or were interrupted are fine. Needs h5py, numpy and matplotlib.
+runs that still go on or were interrupted are fine. Only pictures that this script drew are replaced: others of these names are
+left alone, and the exit status is 2. Needs h5py, numpy and matplotlib.
 """
 import argparse
+import io
 import os
 import sys
 
@@ -28,6 +30,10 @@ STATES = [("stick", BLUE), ("slip", RED), ("open", "#c4c4c4")]
 STYLE = {"font.size": 9, "axes.titlesize": 9, "axes.labelsize": 9, "legend.fontsize": 8, "legend.frameon": False,
          "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "#e8e8e8",
          "grid.linewidth": 0.6, "axes.axisbelow": True, "lines.linewidth": 0.9, "agg.path.chunksize": 20000}
+
+
+#: Stands in every picture, so that it may be replaced by the next one.
+DRAWN_BY = "microslip plot_case.py"
 
 
 class WrongFile(Exception):
@@ -385,7 +391,7 @@ def finish(figure, result):
 
 
 def draw_all(result, prefix):
-    """Draw what there is; the names of the files."""
+    """Draw what there is; the names of the files, and of those that are there and belong to somebody else."""
     figures = {}
     with plt.rc_context(STYLE):
         if result.sensors:
@@ -398,11 +404,29 @@ def draw_all(result, prefix):
             figures["overview"] = overview_figure(result)
         if result.modal:
             figures["modal"] = modal_figure(result)
-        written = []
+        written, refused = [], []
         for name, figure in figures.items():
-            written.append(f"{prefix}_{name}.png")
-            figure.savefig(written[-1], dpi=140, pil_kwargs={"optimize": True})
-    return written
+            path = f"{prefix}_{name}.png"
+            if not may_be_replaced(path):
+                refused.append(path)
+                continue
+            picture = io.BytesIO()
+            figure.savefig(picture, dpi=140, metadata={"Software": DRAWN_BY}, pil_kwargs={"optimize": True})
+            with open(path, "wb") as file:
+                file.write(picture.getbuffer())
+            written.append(path)
+    return written, refused
+
+
+def may_be_replaced(path):
+    """Whether there is no such file, or a picture that this script drew."""
+    if not os.path.lexists(path):
+        return True
+    if not os.path.isfile(path):
+        return False
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    return head.startswith(b"\x89PNG") and b"tEXtSoftware\0" + DRAWN_BY.encode() in head
 
 
 def main():
@@ -413,15 +437,19 @@ def main():
     arguments = parser.parse_args()
     prefix = arguments.output or os.path.splitext(os.path.basename(arguments.result))[0]
     try:
-        written = draw_all(Result(arguments.result), prefix)
+        written, refused = draw_all(Result(arguments.result), prefix)
     except WrongFile as fault:
         print(f"plot_case.py: {fault}", file=sys.stderr)
         return 2
     except OSError as fault:
         print(f"plot_case.py: cannot write the pictures: {fault}", file=sys.stderr)
         return 2
-    print("\n".join(written))
-    return 0
+    if written:
+        print("\n".join(written))
+    for path in refused:
+        print(f"plot_case.py: {path}: is there already, and is no picture of this script: it is not overwritten; move it away, "
+              "or give the pictures other names (--output PREFIX)", file=sys.stderr)
+    return 2 if refused else 0
 
 
 if __name__ == "__main__":

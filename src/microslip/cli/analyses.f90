@@ -7,7 +7,7 @@ module microslip_cli_analyses
    use microslip_cli_static_analyses, only: preload, linear_modes, qsma
    use microslip_cli_time_analyses, only: transient, settling, ringdown
    use microslip_core_error, only: error_t
-   use microslip_core_interruption, only: stop_requested
+   use microslip_core_interruption, only: hold_signals, release_signals, stop_requested
    implicit none(type, external)
    private
 
@@ -38,7 +38,10 @@ contains
          case ('epmc'); call epmc(run, error)
          case ('settling'); call settling(run, error)
          end select
+         ! A signal does not come between the results and their place.
+         call hold_signals()
          if (.not. allocated(error) .and. k < size(run%case%analyses)) call keep_run(run, k, error)
+         call release_signals()
          if (.not. allocated(error) .and. k < size(run%case%analyses)) call stop_requested(error)
          if (allocated(error)) return
       end do

@@ -62,8 +62,10 @@ contains
             case ('--version'); line%version = .true.
             case ('--help', '-h'); line%help = .true.
             case ('--output')
+               if (allocated(line%output)) call fault('--output: only once')
                call take_value(line%output)
             case ('--write-model')
+               if (allocated(line%write_model)) call fault('--write-model: only once')
                call take_value(line%write_model)
             case ('--threads')
                call take_value(value)
@@ -85,6 +87,10 @@ contains
       if (line%help .or. line%version) return
       if (size(line%cases) == 0 .and. faults == '') call fault('no case file given (see --help)')
       if (size(line%cases) > 1 .and. allocated(line%output)) call fault('--output: only with one case file')
+      if (size(line%cases) > 1 .and. allocated(line%write_model)) call fault('--write-model: only with one case file')
+      if (allocated(line%write_model) .and. allocated(line%output)) call fault( &
+         & '--write-model and --output exclude one another: nothing is run, there are no results')
+      if (allocated(line%write_model) .and. line%restart) call fault('--write-model and --restart exclude one another')
       if (line%quiet .and. line%verbose) call fault('--quiet and --verbose exclude one another')
       if (faults /= '') call bad_input(error, faults)
 
@@ -129,7 +135,10 @@ contains
          & '  --version, --help'//nl// &
          & nl// &
          & 'Exit status: 0 done; 1 the computation failed (the result file holds everything up to there);'//nl// &
-         & '2 the input or the command line is wrong; 130, 143 stopped by Ctrl-C or SIGTERM (go on with --restart).'
+         & '2 the input or the command line is wrong; 129, 130, 141, 143 stopped by SIGHUP, Ctrl-C,'//nl// &
+         & 'SIGPIPE (nobody reads the log any more) or SIGTERM: go on with --restart.'//nl// &
+         & nl// &
+         & 'Only files that the program wrote itself are replaced, and never one that a case reads.'
    end function help_text
 
 end module microslip_cli_command_line

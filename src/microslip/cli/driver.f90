@@ -4,8 +4,9 @@ module microslip_cli_driver
    use microslip_cli_command_line, only: command_line_t
    use microslip_cli_coupling_report, only: check_mesh, report_mesh
    use microslip_cli_demand, only: check_demand, check_grids, check_reading, estimate_demand, in_words, memory_estimate
+   use microslip_cli_file_guard, only: file_guard_t
    use microslip_cli_log, only: log_t, warnings_in_words
-   use microslip_cli_restart, only: open_results
+   use microslip_cli_restart, only: examine_results, open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
    use microslip_cli_scene_report, only: report_elements, report_scene
@@ -13,7 +14,7 @@ module microslip_cli_driver
    use microslip_cli_surface_input, only: report_surface
    use microslip_cli_threads, only: choose_threads, thread_count
    use microslip_core_error, only: error_t
-   use microslip_core_interruption, only: release_signals, status_of_signal
+   use microslip_core_interruption, only: hold_signals, release_signals, status_of_signal, stop_requested
    use microslip_core_kinds, only: wp
    use microslip_core_machine_memory, only: peak_memory
    use microslip_core_version, only: program_version
@@ -22,15 +23,23 @@ module microslip_cli_driver
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
    use microslip_io_checkpoint, only: end_checkpoints
+   use microslip_io_input_files, only: forget_inputs, note_input
    use microslip_io_model_file, only: write_model_hdf5
    implicit none(type, external)
    private
 
    public :: run_cases
 
+   !> A case of the command line, or what is wrong with it.
+   type :: read_case_t
+      type(case_t) :: case
+      type(error_t), allocatable :: error
+   end type read_case_t
+
 contains
 
-   !> Run all cases; a case that fails does not keep the others from running, a signal does.
+   !> Run all cases; a case that fails does not keep the others from running, a signal does, and so does a case that would
+   !> write what another one reads or writes.
    subroutine run_cases(line, error, process_warnings)
       type(command_line_t), intent(in) :: line
       !> All failures, with the highest exit status
@@ -38,6 +47,8 @@ contains
       !> What is doubtful about the process, noted in every case
       type(warning_list_t), intent(in), optional :: process_warnings
       type(warning_list_t) :: warnings
+      type(read_case_t), allocatable :: cases(:)
+      type(file_guard_t) :: guard
       type(error_t), allocatable :: one
       character(len=:), allocatable :: command
       integer :: k, length
@@ -48,8 +59,22 @@ contains
       if (present(process_warnings)) warnings = process_warnings
       call choose_threads(line%threads, warnings, error)
       if (allocated(error)) return
-      do k = 1, size(line%cases)
-         call run_case(line%cases(k)%text, line, command, warnings, one)
+      allocate (cases(size(line%cases)))
+      do k = 1, size(cases)
+         call read_case(line%cases(k)%text, cases(k)%case, cases(k)%error)
+         if (.not. allocated(cases(k)%error)) call guard%note_case(k, cases(k)%case, output_path(cases(k)%case, line), &
+            & line%write_model)
+      end do
+      call guard%check_between(error)
+      if (allocated(error)) return
+      do k = 1, size(cases)
+         if (allocated(cases(k)%error)) then
+            call move_alloc(cases(k)%error, one)
+         else
+            call run_case(cases(k)%case, k, guard, line, command, warnings, one)
+            ! One that came too late to stop the case stops the others.
+            if (.not. allocated(one)) call stop_requested(one)
+         end if
          if (.not. allocated(one)) cycle
          if (index(one%message, line%cases(k)%text) == 0) one%message = line%cases(k)%text//': '//one%message
          if (allocated(error)) then
@@ -62,10 +87,13 @@ contains
       end do
    end subroutine run_cases
 
-   !> Run one case file.
-   subroutine run_case(path, line, command, warnings, error)
-      !> The case file
-      character(len=*), intent(in) :: path
+   !> Run one case.
+   subroutine run_case(case, number, guard, line, command, warnings, error)
+      type(case_t), intent(in) :: case
+      !> On the command line
+      integer, intent(in) :: number
+      !> Knows the files of all cases
+      type(file_guard_t), intent(in) :: guard
       !> Options
       type(command_line_t), intent(in) :: line
       !> The command line as text, for the record
@@ -80,13 +108,17 @@ contains
       run%log = log_t(quiet=line%quiet, verbose=line%verbose)
       run%warnings = warnings
       call run%clock%start()
-      call read_case(path, run%case, error)
+      run%case = case
+      call run%log%title('microslip '//program_version//': '//trim(case%title)//' ('//case%path//')')
+      call guard%check_case(number, run%warnings, error)
       if (allocated(error)) return
-      call run%log%title('microslip '//program_version//': '//trim(run%case%title)//' ('//path//')')
       call check_reading(run%case, error)
       if (allocated(error)) return
-      if (allocated(line%write_model)) then
+      call forget_inputs()
+      call note_input(case%path)
+      if (allocated(line%write_model) .and. .not. line%check) then
          call read_model(run%case, model, run%warnings, error)
+         if (.not. allocated(error)) call guard%check_read(number, error)
          if (.not. allocated(error)) call write_model_hdf5(line%write_model, model, error)
          call run%log%warnings(run%warnings)
          if (.not. allocated(error)) call run%log%line('FE model written to '//line%write_model)
@@ -99,6 +131,9 @@ contains
          call run%log%warnings(run%warnings)
          return
       end if
+      call guard%check_read(number, error)
+      if (.not. allocated(error) .and. line%check .and. line%restart) call examine_results(run, output_path(case, line), error)
+      if (allocated(error)) return
       call run%clock%stop('read')
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       call report_elements(run%log, run%scene%model)
@@ -166,10 +201,12 @@ contains
       type(error_t), allocatable, intent(inout) :: error
       type(error_t), allocatable :: ignored
 
-      call release_signals()
+      ! A signal does not come between the results and their place.
+      call hold_signals()
       call run%results%write_timing(run%clock%stage, run%clock%seconds, run%clock%count, ignored)
       if (.not. allocated(ignored)) call run%results%write_warnings(run%warnings, ignored)
       call run%results%close(ignored)
+      call release_signals()
       call run%log%timing(run%clock)
       call run%log%line('memory: '//in_words(peak_memory())//' at the peak, '// &
          & in_words(memory_estimate(run%demand))//' were estimated')

@@ -2,6 +2,7 @@
 module microslip_cli_log
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use microslip_core_kinds, only: wp
+   use microslip_core_standard_streams, only: put_line
    use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
    use microslip_core_warning_list, only: severity_doubtful, severity_wrong, warning_list_t
@@ -28,15 +29,14 @@ contains
    subroutine title(self, text)
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
-      if (.not. self%quiet) write (self%unit, '(a)') text
+      if (.not. self%quiet) call put_line(self%unit, text)
    end subroutine title
 
    !> A line of the log.
    subroutine line(self, text)
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
-      if (.not. self%quiet) write (self%unit, '(2x,a)') text
-      flush (self%unit)
+      if (.not. self%quiet) call put_line(self%unit, '  '//text)
    end subroutine line
 
    !> Numbers that only the verbose log has.
@@ -44,7 +44,11 @@ contains
       class(log_t), intent(in) :: self
       character(len=*), intent(in) :: text
       real(wp), intent(in) :: values(:)
-      if (self%verbose) write (self%unit, '(2x,a,*(1x,g0.8))') text, values
+      character(len=25*size(values)) :: numbers
+
+      if (.not. self%verbose) return
+      write (numbers, '(*(1x,g0.8))') values
+      call put_line(self%unit, '  '//text//trim(numbers))
    end subroutine detail
 
    !> Wall seconds of the stages.
@@ -70,7 +74,7 @@ contains
       if (list%number() > 0) call self%line('warnings, worst first:')
       do k = 1, list%number()
          if (self%quiet) then
-            write (error_unit, '(2a)') 'microslip: warning: ', severity_name(list%severity(k))//': '//list%text(k)
+            call put_line(error_unit, 'microslip: warning: '//severity_name(list%severity(k))//': '//list%text(k))
          else
             call self%line('  '//to_text(k)//'. '//severity_name(list%severity(k))//': '//list%text(k))
          end if

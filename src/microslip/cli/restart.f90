@@ -14,7 +14,7 @@ module microslip_cli_restart
    implicit none(type, external)
    private
 
-   public :: open_results, keep_run, take_run_back
+   public :: open_results, examine_results, keep_run, take_run_back
 
 contains
 
@@ -30,8 +30,7 @@ contains
       !> Whether there is nothing left to be done
       logical, intent(out) :: finished
       type(error_t), allocatable, intent(out) :: error
-      character(len=16) :: digest
-      logical :: there, unfinished
+      logical :: there
 
       finished = .false.
       run%results%interval = run%case%output%checkpoint_interval
@@ -42,21 +41,8 @@ contains
          if (.not. allocated(error)) call begin_checkpoints(run%results, input_digest(run), error)
          return
       end if
-      call read_checkpoint(path, run%checkpoint, unfinished, error)
-      if (allocated(error)) return
-      if (run%checkpoint%case_text /= run%case%text) then
-         call bad_input(error, '--restart: '//path//' has the results of another case than '//run%case%path// &
-            & ': only the very same case can be continued')
-         return
-      end if
-      finished = .not. unfinished
-      if (finished) return
-      digest = input_digest(run)
-      if (run%checkpoint%digest /= digest) then
-         call bad_input(error, '--restart: the model, a surface or a table of '//run%case%path &
-            & //' is no longer what it was in '//path)
-         return
-      end if
+      call examine_results(run, path, error, finished)
+      if (allocated(error) .or. finished) return
       call run%results%resume(path, error)
       if (.not. allocated(error)) call run%results%read_warnings(run%warnings, error)
       if (allocated(error)) return
@@ -65,6 +51,32 @@ contains
       if (run%checkpoint%threads /= threads) call run%log%line('restart: with '//to_text(threads)//' threads in place of ' &
          & //to_text(run%checkpoint%threads)//': not the same to the last bit')
    end subroutine open_results
+
+   !> Whether a run can go on with what is there.
+   subroutine examine_results(run, path, error, finished)
+      type(run_t), intent(inout) :: run
+      !> Result file; it need not be there
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable, intent(out) :: error
+      !> Whether there is nothing left to be done
+      logical, intent(out), optional :: finished
+      logical :: there, unfinished
+
+      if (present(finished)) finished = .false.
+      inquire (file=path, exist=there)
+      if (.not. there) return
+      call read_checkpoint(path, run%checkpoint, unfinished, error)
+      if (allocated(error)) return
+      if (run%checkpoint%case_text /= run%case%text) then
+         call bad_input(error, '--restart: '//path//' has the results of another case than '//run%case%path// &
+            & ': only the very same case can be continued')
+         return
+      end if
+      if (present(finished)) finished = .not. unfinished
+      if (.not. unfinished) return
+      if (run%checkpoint%digest /= input_digest(run)) call bad_input(error, '--restart: the model, a surface or a table of ' &
+         & //run%case%path//' is no longer what it was in '//path)
+   end subroutine examine_results
 
    !> Digest of what the case takes from other files.
    function input_digest(run) result(text)

@@ -41,15 +41,14 @@ contains
       if (run%case%reduction%cache /= '') then
          cache = run%case%located(run%case%reduction%cache)
          digest = reduction_digest(run%scene%model, interfaces, run%scene%patterns, options)
-         call read_cache(cache, digest, run%reduced, found)
+         call read_cache(cache, digest, run%reduced, found, run%warnings)
       end if
       if (found) then
          call run%log%line('reduction: taken from '//cache//' (digest '//digest//')')
       else
          call reduce(run%scene%model, interfaces, run%scene%patterns, options, run%reduced, error)
          if (allocated(error)) return
-         if (allocated(cache)) call write_cache(cache, digest, run%reduced, error)
-         if (allocated(error)) return
+         if (allocated(cache)) call write_cache(cache, digest, run%reduced, run%warnings)
       end if
       call run%clock%stop('reduction')
       call run%log%line('reduction: '//to_text(run%scene%model%row_count())//' rows to ' &

@@ -1,8 +1,10 @@
-!> Ending in order on SIGINT (Ctrl-C) and SIGTERM.
+!> Ending in order on SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal is gone), and when nobody reads the log any more (SIGPIPE).
 !>
 !> Once `watch_signals` was called, such a signal ends the process at once with status 128 + signal, unless it is held:
 !> between `hold_signals` and `release_signals` it is only noted, and whoever holds it asks `stop_requested` now and then. A
 !> second signal ends the process in any case. Nothing is lost that is in a file under its final name.
+!> SIGPIPE is noted in any case: it comes with a line of the log, and what was computed before is to be kept.
+!> A signal that the process was started to ignore (nohup) stays ignored.
 !> A file that grows past the limit of the process (SIGXFSZ) is an error of the write, not the end of the process.
 module microslip_core_interruption
    use, intrinsic :: iso_c_binding, only: c_funloc, c_funptr, c_int, c_intptr_t, c_null_funptr
@@ -13,7 +15,7 @@ module microslip_core_interruption
 
    public :: watch_signals, hold_signals, release_signals, request_stop, forget_request, stop_requested, status_of_signal
 
-   integer(c_int), parameter :: sigint = 2, sigterm = 15, sigxfsz = 25
+   integer(c_int), parameter :: sighup = 1, sigint = 2, sigpipe = 13, sigterm = 15, sigxfsz = 25
    !> SIG_IGN of the C library
    integer(c_intptr_t), parameter :: ignore = 1
    !> Exit status of a process ended by signal 0
@@ -46,6 +48,9 @@ contains
 
       before = c_signal(sigint, c_funloc(note))
       before = c_signal(sigterm, c_funloc(note))
+      before = c_signal(sigpipe, c_funloc(note))
+      before = c_signal(sighup, c_funloc(note))
+      if (transfer(before, ignore) == ignore) before = c_signal(sighup, before)
       before = c_signal(sigxfsz, transfer(ignore, c_null_funptr))
    end subroutine watch_signals
 
@@ -53,7 +58,11 @@ contains
    subroutine note(number) bind(c)
       integer(c_int), value :: number
 
-      if (received /= 0 .or. .not. held) call c_exit_now(status_of_signal + number)
+      if (number == sigpipe) then
+         if (received == 0) received = number
+         return
+      end if
+      if ((received /= 0 .and. received /= sigpipe) .or. .not. held) call c_exit_now(status_of_signal + number)
       received = number
    end subroutine note
 
@@ -90,6 +99,10 @@ contains
          call failure(error, 'stopped by SIGINT')
       case (sigterm)
          call failure(error, 'stopped by SIGTERM')
+      case (sighup)
+         call failure(error, 'stopped by SIGHUP')
+      case (sigpipe)
+         call failure(error, 'stopped by SIGPIPE, nobody reads the log any more')
       case default
          call failure(error, 'stopped by signal '//to_text(int(received)))
       end select

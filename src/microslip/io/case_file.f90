@@ -16,6 +16,7 @@ module microslip_io_case_file
    use microslip_io_case_periodic, only: harmonic_balance_keys, epmc_keys
    use microslip_io_case_model, only: case_keys, model_keys, reduction_keys, damping_keys, contact_keys
    use microslip_io_group_keys, only: group_keys_t, reading, writing
+   use microslip_io_input_files, only: note_input
    use microslip_io_namelist_text, only: namelist_group_t, scan_namelists
    implicit none(type, external)
    private
@@ -42,6 +43,7 @@ contains
       character(len=200) :: reason
       integer :: unit, length, status
 
+      call note_input(path)
       open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', &
          iostat=status, iomsg=reason)
       if (status /= 0) then

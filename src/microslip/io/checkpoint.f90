@@ -2,8 +2,10 @@
 module microslip_io_checkpoint
    use microslip_core_digest, only: digest_t
    use microslip_core_error, only: bad_input, error_t
+   use microslip_core_text, only: to_text
    use microslip_io_hdf5, only: hdf5_file_t
-   use microslip_io_results, only: results_t
+   use microslip_io_own_files, only: recognise, result_file
+   use microslip_io_results, only: format_version, results_t
    implicit none(type, external)
    private
 
@@ -32,9 +34,20 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(hdf5_file_t) :: file
       type(error_t), allocatable :: ignored
+      character(len=:), allocatable :: what
+      integer :: version
+      logical :: is_own
 
       unfinished = .false.
-      call file%open(path, error)
+      call recognise(path, result_file, is_own, version, what)
+      if (.not. is_own) then
+         call bad_input(error, path//': --restart goes on with a result file of this program, this is '//what)
+      else if (version /= format_version) then
+         call bad_input(error, path//': --restart goes on with result files of format_version '//to_text(format_version)// &
+            & ', this one has '//to_text(version)//': another version of the program wrote it')
+      end if
+      if (allocated(error)) return
+      call file%open(path, error, own=.true.)
       if (allocated(error)) return
       unfinished = file%has(group)
       call file%read('/setup/input', checkpoint%case_text, error)

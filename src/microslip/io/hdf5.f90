@@ -8,7 +8,7 @@
 !> A wrong file or a missing dataset is `bad_input`, a write that does not succeed is `failure`. HDF5's own messages are
 !> switched off. Not thread-safe: call from one thread only.
 module microslip_io_hdf5
-   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_null_char, c_null_ptr, c_associated, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_int, c_loc, c_null_char, c_null_ptr, c_associated, c_ptr
    use h5ds, only: h5dsattach_scale_f, h5dsis_attached_f, h5dsis_scale_f, h5dsset_scale_f
    use hdf5, only: h5aclose_f, h5acreate_by_name_f, h5adelete_by_name_f, h5aexists_by_name_f, h5aget_name_f, &
       h5aget_num_attrs_f, h5aget_space_f, h5aget_type_f, h5aopen_by_idx_f, h5aopen_by_name_f, h5aread_f, &
@@ -29,6 +29,9 @@ module microslip_io_hdf5
    use microslip_core_error, only: bad_input, error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
+   use microslip_io_file_identity, only: file_identity_t, identity_of, kind_in_words, kind_regular, kind_unknown
+   use microslip_io_file_lock, only: is_locked
+   use microslip_io_input_files, only: note_input
    implicit none(type, external)
    private
 
@@ -42,6 +45,16 @@ module microslip_io_hdf5
    integer, parameter :: name_length = 255
 
    logical, save :: library_is_open = .false.
+
+   interface
+      function c_setenv(name, value, overwrite) bind(c, name='setenv') result(status)
+         import :: c_char, c_int
+         implicit none(type, external)
+         character(kind=c_char), intent(in) :: name(*), value(*)
+         integer(c_int), value :: overwrite
+         integer(c_int) :: status
+      end function c_setenv
+   end interface
 
    !> An open HDF5 file.
    type :: hdf5_file_t
@@ -108,6 +121,8 @@ contains
       integer :: status
 
       if (library_is_open) return
+      ! The locks are the program's own (`microslip_io_file_lock`): HDF5's would be in their way, and can be switched off.
+      status = c_setenv('HDF5_USE_FILE_LOCKING'//c_null_char, 'FALSE'//c_null_char, 1_c_int)
       ! All files are closed by hand; at its end the library would write again what could not be written, and crash.
       call h5dont_atexit_f(status)
       call h5open_f(status)
@@ -115,16 +130,16 @@ contains
       library_is_open = .true.
    end subroutine start_library
 
-   !> Whether there is a file at this path that starts like an HDF5 file.
+   !> Whether there is a regular file at this path that starts like an HDF5 file.
    logical function is_hdf5_file(path)
       !> Where the file is
       character(len=*), intent(in) :: path
+      type(file_identity_t) :: there
       integer :: status
-      logical :: exists
 
       is_hdf5_file = .false.
-      inquire (file=path, exist=exists)
-      if (.not. exists) return
+      there = identity_of(path)
+      if (there%kind /= kind_regular .and. there%kind /= kind_unknown) return
       call start_library()
       call h5fis_hdf5_f(path, is_hdf5_file, status)
       if (status < 0) is_hdf5_file = .false.
@@ -156,22 +171,39 @@ contains
    end subroutine create
 
    !> Open a file for reading or, with `writable`, for reading and writing.
-   subroutine open_file(self, path, error, writable)
+   subroutine open_file(self, path, error, writable, own)
       class(hdf5_file_t), intent(inout) :: self
       !> Where it is
       character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(out) :: error
       !> Whether to write too (no by default)
       logical, intent(in), optional :: writable
+      !> Whether it is a file of this program, which may be replaced, and no input (no by default)
+      logical, intent(in), optional :: own
+      type(file_identity_t) :: there
       integer(hid_t) :: access
       integer :: status, mode
-      logical :: exists
+      logical :: is_own
 
       self%path = path
-      inquire (file=path, exist=exists)
-      if (.not. exists) then
+      is_own = .false.
+      if (present(own)) is_own = own
+      if (.not. is_own) call note_input(path)
+      there = identity_of(path)
+      if (.not. there%exists()) then
          call bad_input(error, path//': no such file')
          return
+      end if
+      if (there%kind /= kind_regular .and. there%kind /= kind_unknown) then
+         call bad_input(error, path//': is '//kind_in_words(there%kind)//': an HDF5 file is allowed')
+         return
+      end if
+      ! Its own working file this program has locked itself.
+      if (.not. is_own) then
+         if (is_locked(path)) then
+            call bad_input(error, path//': is being written by another program')
+            return
+         end if
       end if
       if (.not. is_hdf5_file(path)) then
          call bad_input(error, path//': not an HDF5 file, or not readable')

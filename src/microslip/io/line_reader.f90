@@ -6,6 +6,8 @@ module microslip_io_line_reader
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: i8, wp
    use microslip_core_text, only: to_text
+   use microslip_io_file_identity, only: file_identity_t, identity_of, kind_in_words, kind_regular, kind_unknown
+   use microslip_io_input_files, only: note_input
    implicit none(type, external)
    private
 
@@ -52,10 +54,17 @@ contains
       !> Where it is
       character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(out) :: error
+      type(file_identity_t) :: there
       integer :: status
       logical :: exists
 
       self%path = path
+      call note_input(path)
+      there = identity_of(path)
+      if (there%exists() .and. there%kind /= kind_regular .and. there%kind /= kind_unknown) then
+         call bad_input(error, path//': is '//kind_in_words(there%kind)//': a text file is allowed')
+         return
+      end if
       inquire (file=path, exist=exists, size=self%left)
       status = 1
       if (exists) open (newunit=self%unit, file=path, access='stream', form='unformatted', action='read', iostat=status)

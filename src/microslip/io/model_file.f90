@@ -9,8 +9,11 @@ module microslip_io_model_file
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t
    use microslip_io_element_types, only: is_brick, nodes_per_element
+   use microslip_io_file_identity, only: link_target, place_of
    use microslip_io_hdf5, only: hdf5_file_t, is_hdf5_file
    use microslip_io_mesh_format, only: mesh_format_in_words
+   use microslip_io_own_files, only: check_replaceable, copy_of, mark, model_file
+   use microslip_io_working_file, only: working_file_t
    use microslip_linalg_sparse, only: from_triplets, symmetric_sparse_t
    implicit none(type, external)
    private
@@ -24,7 +27,7 @@ module microslip_io_model_file
 
 contains
 
-   !> Write a model.
+   !> Write a model. Only a model that was written by this procedure is replaced, as a whole.
    subroutine write_model_hdf5(path, model, error, title, source)
       !> Where to
       character(len=*), intent(in) :: path
@@ -33,13 +36,18 @@ contains
       type(error_t), allocatable, intent(out) :: error
       !> What the model is, and where it comes from
       character(len=*), intent(in), optional :: title, source
+      type(working_file_t) :: new
       type(hdf5_file_t) :: file
       type(error_t), allocatable :: close_error
+      character(len=:), allocatable :: place
 
-      call file%create(path, error, compression=9)
+      place = path
+      if (link_target(path) /= '') place = place_of(path)
+      call check_replaceable(path, model_file, error)
+      if (.not. allocated(error)) call new%take(copy_of(place), model_file, error)
       if (allocated(error)) return
-      call file%set_attribute('/', 'format', format_name, error)
-      if (.not. allocated(error)) call file%set_attribute('/', 'format_version', format_version, error)
+      call file%create(new%path, error, compression=9)
+      if (.not. allocated(error)) call mark(file, model_file, format_version, error)
       if (.not. allocated(error) .and. present(title)) call file%set_attribute('/', 'title', title, error)
       if (.not. allocated(error) .and. present(source)) call file%set_attribute('/', 'source', source, error)
       if (.not. allocated(error)) call write_mesh(file, model, error)
@@ -51,6 +59,8 @@ contains
       if (.not. allocated(error)) call write_mass(file, model, error)
       call file%close(close_error)
       if (.not. allocated(error)) call move_alloc(close_error, error)
+      if (.not. allocated(error)) call new%publish_as(place, error)
+      if (allocated(error)) call new%give_up()
    end subroutine write_model_hdf5
 
    !> Nodes, elements, node sets.

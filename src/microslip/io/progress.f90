@@ -7,6 +7,7 @@ module microslip_io_progress
    use, intrinsic :: iso_c_binding, only: c_int
    use, intrinsic :: iso_fortran_env, only: error_unit
    use microslip_core_kinds, only: wp, i8
+   use microslip_core_standard_streams, only: put_line
    use microslip_core_text, only: to_text
    implicit none(type, external)
    private
@@ -129,7 +130,7 @@ contains
       self%rate = 0.0_wp
       if (time > self%first_time) self%rate = (wall_clock() - self%started)/(time - max(0.0_wp, self%first_time))
       call draw(self, time, counts)
-      if (self%terminal) write (self%unit, '(a)') ''
+      if (self%terminal) call put_line(self%unit, '')
       self%silent = .true.
    end subroutine finish
 
@@ -142,12 +143,11 @@ contains
 
       line = self%label//'  '//progress_text(time, self%duration, self%rate, counts)
       if (self%terminal) then
-         write (self%unit, '(a)', advance='no') achar(13)//line//repeat(' ', max(0, self%drawn - len(line)))
+         call put_line(self%unit, achar(13)//line//repeat(' ', max(0, self%drawn - len(line))), advance=.false.)
          self%drawn = len(line)
       else
-         write (self%unit, '(a)') line
+         call put_line(self%unit, line)
       end if
-      flush (self%unit)
       self%written = wall_clock()
       self%written_time = time
    end subroutine draw

@@ -3,7 +3,7 @@
 !> Axes are dimension scales: /interface_K/x and y of all maps of interface K. A Fortran map (nx, ny) is [y, x] in
 !> other languages.
 !>
-!> The program works on a file with `.part` behind its name. Readers see the file without: a copy that is replaced as a
+!> The program works on a file with `.part` behind its name, which it has locked. Readers see the file without: a copy that is replaced as a
 !> whole every so often (published), and in the end the file itself. It can be read at any moment and survives any end of
 !> the process, a full disk and a loss of power; nothing has to be known of HDF5's caches.
 module microslip_io_results
@@ -18,10 +18,13 @@ module microslip_io_results
    use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_contact_fields, only: contact_fields, field_maps_t, fields, interface_group
+   use microslip_io_file_identity, only: link_target, place_of
    use microslip_io_hdf5, only: hdf5_file_t
    use microslip_io_interface_maps, only: attach_axes, write_map
    use microslip_io_provenance, only: host_name, utc_now
-   use microslip_io_whole_files, only: can_be_replaced, copy_file, move_file, remove_file
+   use microslip_io_own_files, only: check_leftover, check_replaceable, copy_of, mark, part_of, result_file
+   use microslip_io_whole_files, only: copy_bytes, copy_file
+   use microslip_io_working_file, only: working_file_t
    use microslip_system_jointed_system, only: jointed_system_t
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
@@ -32,8 +35,6 @@ module microslip_io_results
    !> Changes when a script that reads result files has to.
    integer, parameter :: format_version = 1
 
-   !> Behind the name of the file that is worked on.
-   character(len=*), parameter :: unfinished = '.part'
    character(len=*), parameter :: warnings_group = '/warnings'
    !> Largest part of the wall time that may go into publishing.
    real(wp), parameter :: publishing_share = 0.02_wp
@@ -45,11 +46,16 @@ module microslip_io_results
       character(len=:), allocatable :: path
       !> s, wall time from one publication to the next
       real(wp) :: interval = 60.0_wp
+      !> Where that is if the path is a symbolic link, which stays; the path itself otherwise
+      character(len=:), allocatable, private :: place
+      !> The file that is worked on
+      type(working_file_t), private :: part
       !> s on the clock
       real(wp), private :: due = huge(1.0_wp)
    contains
       procedure :: create
       procedure :: resume
+      procedure, private :: begin
       procedure :: publish
       procedure :: publish_if_due
       procedure :: is_due
@@ -76,17 +82,15 @@ contains
    !> Start a new result file. What has its name stays until the new one is published.
    subroutine create(self, path, error)
       class(results_t), intent(inout) :: self
-      !> Where to; a file that is there is replaced
+      !> Where to; a result file that is there is replaced, anything else is not
       character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(out) :: error
 
-      self%path = path
-      if (.not. can_be_replaced(path)) then
-         call bad_input(error, path//': cannot be replaced (a folder, or not to be written)')
-         return
-      end if
-      call self%file%create(path//unfinished, error)
-      self%due = wall_time() + self%interval
+      call self%begin(path, error)
+      if (allocated(error)) return
+      call self%file%create(self%part%path, error)
+      if (.not. allocated(error)) call mark(self%file, result_file, format_version, error)
+      if (allocated(error)) call self%discard()
    end subroutine create
 
    !> Go on with a result file that was published before.
@@ -96,13 +100,30 @@ contains
       character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(out) :: error
 
-      ! This fails if another run is at work on it.
-      call self%create(path, error)
-      if (.not. allocated(error)) call self%file%close(error)
-      if (.not. allocated(error)) call copy_file(path, path//unfinished, error)
-      if (.not. allocated(error)) call self%file%open(path//unfinished, error, writable=.true.)
-      if (allocated(error)) call remove_file(path//unfinished)
+      call self%begin(path, error)
+      if (allocated(error)) return
+      call copy_bytes(self%place, self%part%path, error)
+      if (.not. allocated(error)) call self%file%open(self%part%path, error, writable=.true., own=.true.)
+      if (allocated(error)) call self%discard()
    end subroutine resume
+
+   !> Have the names that are needed for this run alone.
+   subroutine begin(self, path, error)
+      class(results_t), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable, intent(out) :: error
+
+      self%path = path
+      self%place = path
+      if (link_target(path) /= '') self%place = place_of(path)
+      call check_replaceable(path, result_file, error)
+      if (.not. allocated(error)) call self%part%take(part_of(self%place), result_file, error)
+      if (allocated(error)) return
+      ! Only who has the working file makes copies.
+      call check_leftover(copy_of(self%place), result_file, error)
+      if (allocated(error)) call self%part%give_up()
+      self%due = wall_time() + self%interval
+   end subroutine begin
 
    !> Everything written so far goes into the file that readers see.
    subroutine publish(self, error)
@@ -112,7 +133,8 @@ contains
 
       began = wall_time()
       call self%file%flush(error)
-      if (.not. allocated(error)) call copy_file(self%path//unfinished, self%path, error)
+      if (.not. allocated(error)) call check_replaceable(self%path, result_file, error)
+      if (.not. allocated(error)) call copy_file(self%part%path, self%place, result_file, error)
       self%due = wall_time() + max(self%interval, (wall_time() - began)/publishing_share)
    end subroutine publish
 
@@ -137,10 +159,16 @@ contains
 
       if (.not. self%file%is_open()) return
       call self%file%close(error)
-      if (.not. allocated(error)) then
-         call move_file(self%path//unfinished, self%path, error)
+      if (allocated(error)) then
+         call self%part%give_up()
+         return
+      end if
+      ! What has the name by now may be another file than at the beginning.
+      call check_replaceable(self%path, result_file, error)
+      if (allocated(error)) then
+         error%message = error%message//'; '//self%part%path//' has the results'
       else
-         call remove_file(self%path//unfinished)
+         call self%part%publish_as(self%place, error)
       end if
    end subroutine close_results
 
@@ -149,9 +177,8 @@ contains
       class(results_t), intent(inout) :: self
       type(error_t), allocatable :: ignored
 
-      if (.not. self%file%is_open()) return
       call self%file%close(ignored)
-      call remove_file(self%path//unfinished)
+      call self%part%give_up()
    end subroutine discard
 
    !> Who made this file, when, where and how: attributes of '/'.
@@ -170,9 +197,8 @@ contains
 
       known_commit = trim(commit)
       if (known_commit == '') known_commit = 'unknown'
-      call self%file%set_attribute('/', 'program', 'microslip', error)
-      if (.not. allocated(error)) call self%file%set_attribute('/', 'version', version, error)
-      if (.not. allocated(error)) call self%file%set_attribute('/', 'format_version', format_version, error)
+      ! Program and format are marked from the beginning.
+      call self%file%set_attribute('/', 'version', version, error)
       if (.not. allocated(error)) call self%file%set_attribute('/', 'commit', known_commit, error)
       if (.not. allocated(error)) call self%file%set_attribute('/', 'compiler', compiler_version()//' '// &
          & compiler_options(), error)
