@@ -1,5 +1,6 @@
 !> What a file that is not HDF5 looks like, by its first bytes: for messages about files of another format.
 module microslip_io_file_kind
+   use microslip_io_file_identity, only: file_identity_t, identity_of, kind_in_words, kind_regular, kind_unknown
    implicit none(type, external)
    private
 
@@ -16,8 +17,14 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: kind
       character(len=first_bytes) :: bytes
+      type(file_identity_t) :: there
       integer :: unit, status, length
 
+      there = identity_of(path)
+      kind = ''
+      if (.not. there%exists()) return
+      kind = kind_in_words(there%kind)
+      if (there%kind /= kind_regular .and. there%kind /= kind_unknown) return
       kind = ''
       open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=status)
       if (status /= 0) return
