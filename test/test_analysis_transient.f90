@@ -297,7 +297,7 @@ contains
       call check(error, all(abs(order - 2.0_wp) < 0.3_wp), 'order '//to_text(order(1), 3)//', '//to_text(order(2), 3))
    end subroutine test_order
 
-   !> Books with friction: the balance error is small at the paper's time step and falls with dt, no step gains.
+   !> Books with friction: the balance error is small at the paper's time step and falls with dt^2, no step gains.
    subroutine test_energy(error)
       type(testing_error), allocatable, intent(out) :: error
       type(error_t), allocatable :: lib
@@ -332,7 +332,9 @@ contains
          end do
          call check(error, balance(1) < allowed, 'balance error '//to_text(balance(1), 3))
          if (allocated(error)) return
-         call check(error, all(balance(2:) < 0.7_wp*balance(:2)), 'the balance error does not fall with the time step')
+         ! A quarter, were it not for points that open and close.
+         call check(error, all(balance(2:) < balance(:2)/2.5_wp), 'the balance error is not of second order: '// &
+            & to_text(balance(1), 3)//' '//to_text(balance(2), 3)//' '//to_text(balance(3), 3))
          if (allocated(error)) return
       end do
    end subroutine test_energy

@@ -281,7 +281,8 @@ contains
       call qsma_fault("largest_amplitude = 1e-4, spacing = 'cubic'", "spacing = 'cubic': allowed: 'log', 'linear'")
       call qsma_fault("largest_amplitude = 1e-4, cycle = yes", "cycle = yes: allowed: .true. or .false.")
       call qsma_fault("largest_amplitude = 1e-4, cycle = '.true.'", "cycle = '.true.': allowed: .true. or .false.")
-      call qsma_fault("largest_amplitude = 1e-4, cycle_steps = 3", "cycle_steps = 3: allowed: only with cycle = .true.")
+      call qsma_fault("largest_amplitude = 1e-4, cycle = .false., cycle_steps = 3", &
+         "cycle_steps = 3: allowed: only where loops are not ruled out")
       call qsma_fault("largest_amplitude = 1e-4, mode = 11", "mode = 11: allowed: a mode (here 11) out of the 10")
       call qsma_fault("largest_amplitude = 1e-4, sensor = 'end'", &
          "sensor = 'end': allowed: one of the sensors of &output, 'middle'")

@@ -166,7 +166,7 @@ contains
          text(at + len("'transient' /"):)
       call valid_case(error, text, input)
       if (allocated(error)) return
-      call check(error, input%qsma%mode == 1 .and. input%qsma%levels == 20 .and. .not. input%qsma%cycle .and. &
+      call check(error, input%qsma%mode == 1 .and. input%qsma%levels == 20 .and. .not. allocated(input%qsma%cycle) .and. &
          .not. allocated(input%ringdown%mode) .and. same(input%ringdown%periods, 10.0_wp) .and. &
          all(input%find_sensors(input%qsma%sensor) == [1]), 'defaults')
       if (allocated(error)) return

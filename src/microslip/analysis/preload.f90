@@ -18,7 +18,7 @@ module microslip_analysis_preload
    use microslip_contact_laws, only: state_open
    use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, &
-      & new_state, gap_of
+      & new_state, gap_of, friction_work
    use microslip_core_error, only: error_t, failure, bad_input
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
@@ -367,9 +367,13 @@ contains
       real(wp), intent(in) :: amplitude(:)
       type(preload_record_t), intent(inout) :: record
       real(wp), allocatable :: slip(:, :), moved(:)
+      integer :: p
 
       slip = gap_of(problem, after%q, after%force) - gap_of(problem, before%q, before%force)
-      record%friction_loss = record%friction_loss - sum(after%force(2:3, :)*slip(2:3, :))
+      do p = 1, problem%n_points
+         record%friction_loss = record%friction_loss + friction_work(after%status(p), problem%friction(p), before%force(1, p), &
+            & after%force(:, p), slip(2:3, p))
+      end do
       moved = matmul(problem%R, amplitude - before%q)
       record%work = record%work - 0.5_wp*dot_product(reshape(before%force + after%force, [size(after%force)]), moved)
    end subroutine book_energy

@@ -11,11 +11,15 @@
 !>
 !> (exact where the normal forces stay constant), or from a hysteresis loop +alpha -> -alpha -> +alpha that branches off
 !> the loading curve and is gone round until it closes: D is its friction loss, omega^2 = (alpha_+ - alpha_-)/(q_+ - q_-).
+!> Masing's rule is not trusted where it contradicts itself, in that the two directions give different losses or one of them
+!> a negative one, or where it contradicts a loop at the largest amplitude (a symmetric joint has like directions, whether
+!> the rule holds or not). Then loops are the result, at all levels, unless they are ruled out.
 !> Linear viscous damping adds zeta_v = phi^T D_ii phi / (2 omega).
 !> Amplitude: half the way of the sensor between both turning points, L2 norm over its directions.
 module microslip_analysis_qsma
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: potential_points, carry_over
+   use microslip_analysis_slip_size, only: slip_in_cells
    use microslip_analysis_static_path, only: modal_statics_t, static_path_t, static_point_t, new_modal_statics, start_path
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, failure
@@ -25,6 +29,15 @@ module microslip_analysis_qsma
    private
 
    public :: qsma_options_t, qsma_record_t, qsma_recorder_t, modal_parameters_t, run_qsma, spaced_amplitudes
+   public :: loops_where_needed, loops_always, loops_never, masing_tolerance
+
+   !> Hysteresis loops: where Masing's rule does not hold, at all levels, or not at all.
+   integer, parameter :: loops_where_needed = 0, loops_always = 1, loops_never = 2
+   !> Masing's rule holds where the losses of both directions, and that of a loop, differ by no more than this part of the
+   !> larger one: the mean of both directions is wrong by about as much as they differ.
+   real(wp), parameter :: masing_tolerance = 0.05_wp
+   !> Damping ratios of friction that are zero but for the contact solver's tolerance, as a multiple of it.
+   real(wp), parameter :: no_damping = 1.0e2_wp
 
    !> The trial step that tells load per amplitude, as a part of the smallest amplitude.
    real(wp), parameter :: trial_share = 1.0e-3_wp
@@ -44,9 +57,9 @@ module microslip_analysis_qsma
       integer, allocatable :: sensors(:)
       !> Load steps from one level to the next
       integer :: steps = 1
-      !> Hysteresis loops too, and load steps of each half of a loop
-      logical :: cycle = .false.
-      integer :: cycle_steps = 5
+      !> When hysteresis loops are gone round, and load steps of each half of a loop
+      integer :: loops = loops_where_needed
+      integer :: cycle_steps = 10
    end type qsma_options_t
 
    !> The mode at an amplitude.
@@ -67,7 +80,13 @@ module microslip_analysis_qsma
       type(modal_parameters_t), allocatable :: direction(:, :)
       !> (levels) of both directions together
       type(modal_parameters_t), allocatable :: combined(:)
-      !> (levels) from the hysteresis loops, if asked for
+      !> (levels) how far Masing's rule contradicts itself: difference of both directions' losses over the larger one
+      real(wp), allocatable :: contradiction(:)
+      !> The loop at the largest amplitude against the mean of both directions likewise, where there is one
+      real(wp), allocatable :: masing_error
+      !> Whether Masing's rule holds at all levels
+      logical :: masing_holds = .true.
+      !> (levels) from the hysteresis loops, where they are the result
       type(modal_parameters_t), allocatable :: loop(:)
       !> (levels) distance of the loop's ends over its width, and how often it was gone round
       real(wp), allocatable :: closure(:)
@@ -76,6 +95,11 @@ module microslip_analysis_qsma
       integer :: unconverged = 0, iterations = 0, points_added = 0
       !> Largest of all steps
       real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
+      !> Largest tangential displacement of a closed point at a level, in cells of its grid
+      real(wp) :: largest_slip = 0.0_wp
+   contains
+      procedure :: modes
+      procedure :: open_loops
    end type qsma_record_t
 
    !> Who hears of every level that is finished. An error of it ends the analysis; it may want just that.
@@ -126,33 +150,57 @@ contains
       type(contact_options_t), intent(in) :: contact
       type(qsma_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
-      !> Where points join the potential contact set, it hears of the levels again from the first one
+      !> Where points join the potential contact set, or loops turn out to be needed, it hears of the levels again from the
+      !> first one
       class(qsma_recorder_t), intent(inout), optional :: recorder
       logical, allocatable :: before(:)
       integer :: round, added, total
+      logical :: loops, doubt
 
       total = 0
+      loops = options%loops == loops_always
       do round = 1, most_rounds
          before = potential_points(system)
-         call follow_curves(system, state, options, contact, record, added, error, recorder)
+         call follow_curves(system, state, options, contact, loops, record, added, doubt, error, recorder)
          if (allocated(error)) return
-         if (added == 0) exit
-         call carry_over(system, before, state%contact)
+         if (added > 0) call carry_over(system, before, state%contact)
          total = total + added
+         if (added == 0 .and. .not. (doubt .and. .not. loops)) exit
+         loops = loops .or. doubt
       end do
       record%points_added = total
       if (added > 0) call failure(error, 'qsma: the set of points in potential contact does not settle')
    end subroutine run_qsma
 
-   !> Both loading curves and the loops, up to where a point that was left out would close.
-   subroutine follow_curves(system, state, options, contact, record, added, error, recorder)
+   !> The result at every level, (levels): from the loops where there are any, else by Masing's rule.
+   pure function modes(self)
+      class(qsma_record_t), intent(in) :: self
+      type(modal_parameters_t) :: modes(size(self%combined))
+
+      modes = self%combined
+      if (allocated(self%loop)) modes = self%loop
+   end function modes
+
+   !> Levels whose loop did not close in as many rounds as there may be.
+   pure integer function open_loops(self)
+      class(qsma_record_t), intent(in) :: self
+      open_loops = 0
+      if (allocated(self%closure)) open_loops = count(self%closure > closed_within)
+   end function open_loops
+
+   !> Both loading curves and the loops, up to where a point that was left out would close or loops turn out to be needed.
+   subroutine follow_curves(system, state, options, contact, loops, record, added, doubt, error, recorder)
       type(jointed_system_t), intent(inout) :: system
       type(operating_state_t), intent(in) :: state
       type(qsma_options_t), intent(in) :: options
       type(contact_options_t), intent(in) :: contact
+      !> Whether loops are gone round
+      logical, intent(in) :: loops
       type(qsma_record_t), intent(out) :: record
       !> Points that joined the potential contact set: all is to be done again
       integer, intent(out) :: added
+      !> Masing's rule does not hold, and loops are allowed: without them all is to be done again with them
+      logical, intent(out) :: doubt
       type(error_t), allocatable, intent(out) :: error
       class(qsma_recorder_t), intent(inout), optional :: recorder
       type(modal_statics_t) :: statics
@@ -161,9 +209,10 @@ contains
       integer :: k, side, levels
 
       added = 0
+      doubt = .false.
       levels = size(options%amplitude)
-      allocate (record%curve(levels, 2), record%direction(levels, 2), record%combined(levels))
-      if (options%cycle) then
+      allocate (record%curve(levels, 2), record%direction(levels, 2), record%combined(levels), record%contradiction(levels))
+      if (options%loops /= loops_never) then
          allocate (record%loop(levels), record%closure(levels))
          allocate (record%rounds(levels), source=0)
       end if
@@ -183,17 +232,53 @@ contains
             record%curve(k, side) = statics%point(system, path(side))
             call verify(system, state, statics, path(side), record%curve(k, side), added, error)
             if (added > 0 .or. allocated(error)) return
+            record%largest_slip = max(record%largest_slip, slip_in_cells(system, path(side)%contact))
          end do
          load_per_amplitude = path(1)%load/norm2(record%curve(k, 1)%sensor(options%sensors))
-         if (options%cycle) call go_round(system, state, options, statics, path(1), record, k, added, error)
-         if (added > 0 .or. allocated(error)) return
-         call evaluate(system, options, record, k)
-         if (present(recorder)) call recorder%level(record, k, error)
+         call evaluate(system, options, no_damping*contact%tolerance, record, k)
+         doubt = options%loops /= loops_never .and. .not. record%masing_holds
+         if (doubt .and. .not. loops) return
+         if (loops .or. (options%loops == loops_where_needed .and. k == levels)) then
+            call go_round(system, state, options, statics, path(1), record, k, added, error)
+            if (added > 0 .or. allocated(error)) return
+         end if
+         if (present(recorder)) call tell(recorder, record, k, loops, error)
          if (allocated(error)) exit
       end do
       call book(path(1), record)
       call book(path(2), record)
+      if (allocated(error) .or. .not. allocated(record%loop)) return
+      record%masing_error = contradiction_of(record%loop(levels)%friction_damping_ratio, &
+         & record%combined(levels)%friction_damping_ratio, no_damping*contact%tolerance)
+      record%masing_holds = record%masing_holds .and. record%masing_error <= masing_tolerance
+      doubt = .not. record%masing_holds
+      if (.not. loops) deallocate (record%loop, record%closure, record%rounds)
    end subroutine follow_curves
+
+   !> Tell of a level; a loop that only checks Masing's rule is not told.
+   subroutine tell(recorder, record, k, loops, error)
+      class(qsma_recorder_t), intent(inout) :: recorder
+      type(qsma_record_t), intent(in) :: record
+      integer, intent(in) :: k
+      logical, intent(in) :: loops
+      type(error_t), allocatable, intent(out) :: error
+      type(qsma_record_t) :: without
+
+      if (loops) then
+         call recorder%level(record, k, error)
+      else
+         without = record
+         if (allocated(without%loop)) deallocate (without%loop, without%closure, without%rounds)
+         call recorder%level(without, k, error)
+      end if
+   end subroutine tell
+
+   !> Difference of two damping ratios over the larger one; none where both are no larger than the solver's tolerance makes them.
+   pure real(wp) function contradiction_of(one, other, negligible)
+      real(wp), intent(in) :: one, other, negligible
+      contradiction_of = abs(one - other)/max(abs(one), abs(other), negligible)
+      if (max(abs(one), abs(other)) <= negligible) contradiction_of = 0.0_wp
+   end function contradiction_of
 
    !> Load per amplitude while everything sticks, from a small step on a branch of its own.
    subroutine try_load(system, options, statics, start, load_per_amplitude, error)
@@ -288,9 +373,11 @@ contains
    end subroutine book
 
    !> Masing's rule on each loading curve and on both together, at a level.
-   subroutine evaluate(system, options, record, k)
+   subroutine evaluate(system, options, negligible, record, k)
       type(jointed_system_t), intent(in) :: system
       type(qsma_options_t), intent(in) :: options
+      !> Damping ratio that is zero but for the solver's tolerance
+      real(wp), intent(in) :: negligible
       type(qsma_record_t), intent(inout) :: record
       !> Level
       integer, intent(in) :: k
@@ -307,6 +394,11 @@ contains
       associate (upper => record%curve(k, 1), lower => record%curve(k, 2))
          record%combined(k) = parameters(system, options, upper%load, 0.5_wp*(upper%displacement - lower%displacement), &
             & 0.5_wp*norm2(upper%sensor(options%sensors) - lower%sensor(options%sensors)), 0.5_wp*sum(loss))
+      end associate
+      associate (ratio => record%direction(k, :)%friction_damping_ratio)
+         record%contradiction(k) = contradiction_of(ratio(1), ratio(2), negligible)
+         record%masing_holds = record%masing_holds .and. record%contradiction(k) <= masing_tolerance &
+            & .and. minval(ratio) >= -negligible
       end associate
    end subroutine evaluate
 

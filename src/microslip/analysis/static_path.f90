@@ -9,7 +9,7 @@
 !> any quadrature along the path, and without differences of large numbers,
 !>
 !>     stored        = alpha q / 2 + (lambda_0 + lambda) . (gap - gap_0) / 2     (loads that are held: their potential)
-!>     friction_loss = - sum over the steps of lambda_t . slip >= 0              (the force at the end of a step)
+!>     friction_loss = sum over the steps of mu (mean lambda_n) |slip| >= 0      (`friction_work`)
 !> and the work of alpha, by trapezoids over the steps, is compared with their sum.
 module microslip_analysis_static_path
    use microslip_analysis_operating_state, only: operating_state_t

@@ -4,9 +4,10 @@
 !>     d_{k+1}   = d_k + dt v_{k+1/2},   then the contact step at t_{k+1} gives lambda_{k+1}
 !>
 !> Energy books, every step. With v_{k-1/2} . v_{k+1/2} / 2 as kinetic energy and works by the trapezoidal
-!> rule the linear scheme keeps its books exactly; friction is booked with the force at the end of the step,
-!> -lambda_t . slip >= 0, as the contact law has it. What the books then miss is the error of the time
-!> discretisation at the contact, and the proof that the scheme has no other loss:
+!> rule the linear scheme keeps its books exactly; friction is booked as mu (mean lambda_n) |slip| >= 0
+!> (`friction_work`), of the order of the scheme, which is the second. What the books then miss is the error of the
+!> time discretisation at the contact, where slip begins, turns or ends and where points open or close, and the proof
+!> that the scheme has no other loss:
 !>     balance_error = external_work - viscous_loss - friction_loss - (kinetic + elastic - initial)
 !>
 !> Points left out of the potential contact set are checked on the whole grid where the motion turns (the kinetic
@@ -24,6 +25,7 @@ module microslip_analysis_transient
    use microslip_analysis_motion, only: motion_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: potential_points
+   use microslip_analysis_slip_size, only: slip_in_cells
    use microslip_analysis_transient_recorder, only: energy_t, sample_t, transient_recorder_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
    use microslip_contact_laws, only: state_open, state_slip
@@ -72,6 +74,10 @@ module microslip_analysis_transient
       real(wp) :: residual = 0.0_wp, error_estimate = 0.0_wp
       !> Largest energy balance error over the largest kinetic energy
       real(wp) :: balance_error = 0.0_wp
+      !> The same over the largest of kinetic energy, external work and losses: energy that went through
+      real(wp) :: unaccounted_energy = 0.0_wp
+      !> Largest tangential displacement of a closed point at the checks, in cells of its grid
+      real(wp) :: largest_slip = 0.0_wp
       !> Points that joined the potential contact set on the way
       integer :: points_added = 0
    end type transient_record_t
@@ -96,6 +102,7 @@ contains
       type(motion_t) :: motion, safe
       type(sample_t), allocatable :: samples(:)
       integer :: block_end, added, next_point
+      real(wp) :: through
 
       call check_time_step(system, options%time_step, error)
       if (allocated(error)) return
@@ -113,6 +120,8 @@ contains
       if (allocated(error)) return
       next_point = motion%step + options%restart_stride
       call clock%stop('transient start')
+      if (.not. present(point)) call take_snapshots(system, options, motion, recorder, error)
+      if (allocated(error)) return
 
       do while (motion%step < last_step(options, motion))
          safe = motion
@@ -128,6 +137,7 @@ contains
             if (allocated(error)) exit
             cycle
          end if
+         record%largest_slip = max(record%largest_slip, slip_in_cells(system, motion%contact))
          call clock%stop('transient')
          call hand_on(system, options, motion, samples, recorder, error)
          if (motion%step >= next_point .and. .not. allocated(error)) then
@@ -142,6 +152,10 @@ contains
       end do
       record%steps = motion%step
       if (motion%largest_kinetic > 0.0_wp) record%balance_error = motion%largest_error/motion%largest_kinetic
+      associate (e => motion%energy)
+         through = max(motion%largest_kinetic, abs(e%external_work), e%viscous_loss + e%friction_loss)
+      end associate
+      if (through > 0.0_wp) record%unaccounted_energy = motion%largest_error/through
       if (allocated(error)) call keep_results(recorder, samples)
    end subroutine run_transient
 
@@ -220,6 +234,7 @@ contains
       call archive%pass(record%residual)
       call archive%pass(record%error_estimate)
       call archive%pass(record%points_added)
+      call archive%pass(record%largest_slip)
    end subroutine pass_record
 
    !> The last step of the run, as far as it is known now.
@@ -264,7 +279,7 @@ contains
    pure integer function snapshot_step(options, k)
       type(transient_options_t), intent(in) :: options
       integer, intent(in) :: k
-      snapshot_step = max(1, ceiling(options%snapshots(k)/options%time_step*(1.0_wp - 4.0_wp*epsilon(1.0_wp))))
+      snapshot_step = ceiling(options%snapshots(k)/options%time_step*(1.0_wp - 4.0_wp*epsilon(1.0_wp)))
    end function snapshot_step
 
    !> The leapfrog is stable for omega_max dt < 2.
@@ -538,7 +553,6 @@ contains
       type(sample_t), allocatable, intent(inout) :: samples(:)
       class(transient_recorder_t), intent(inout) :: recorder
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
 
       call recorder%record(samples, error)
       samples = samples(:0)
@@ -550,13 +564,25 @@ contains
          if (allocated(error)) return
          motion%meter%done = motion%meter%done(:0)
       end if
+      call take_snapshots(system, options, motion, recorder, error)
+   end subroutine hand_on
+
+   !> Snapshots that are due at the present step go to the recorder.
+   subroutine take_snapshots(system, options, motion, recorder, error)
+      type(jointed_system_t), intent(in) :: system
+      type(transient_options_t), intent(in) :: options
+      type(motion_t), intent(in) :: motion
+      class(transient_recorder_t), intent(inout) :: recorder
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
       if (.not. allocated(options%snapshots)) return
       do k = 1, size(options%snapshots)
          if (snapshot_step(options, k) /= motion%step) cycle
          call recorder%snapshot(system, motion%step*options%time_step, motion%contact, error)
          if (allocated(error)) return
       end do
-   end subroutine hand_on
+   end subroutine take_snapshots
 
    !> A failed run hands on what it has.
    subroutine keep_results(recorder, samples)

@@ -143,7 +143,10 @@ contains
          if (allocated(case%qsma%amplitudes)) levels = size(case%qsma%amplitudes)
          call log%line('qsma: mode '//to_text(case%qsma%mode)//', '//to_text(levels)//' amplitudes in both directions, ' &
             & //to_text(case%qsma%steps)//' load steps each')
-         if (case%qsma%cycle) then
+         if (.not. allocated(case%qsma%cycle)) then
+            call log%line("qsma: Masing's rule, or where it does not hold hysteresis loops of 2 x " &
+               & //to_text(case%qsma%cycle_steps)//' load steps at every amplitude')
+         else if (case%qsma%cycle) then
             call log%line('qsma: hysteresis loops of 2 x '//to_text(case%qsma%cycle_steps)//' load steps at every amplitude')
          else
             call log%line("skipped, qsma: hysteresis loops (cycle = .false., Masing's rule on the loading curves alone)")

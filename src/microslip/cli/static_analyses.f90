@@ -1,8 +1,10 @@
 !> Analyses without time: preload, linear modes about it, quasi-static modal analysis.
 module microslip_cli_static_analyses
    use microslip_analysis_preload, only: preload_record_t, run_preload
-   use microslip_analysis_qsma, only: qsma_options_t, qsma_record_t, run_qsma, spaced_amplitudes
+   use microslip_analysis_qsma, only: loops_always, loops_never, modal_parameters_t, qsma_options_t, qsma_record_t, run_qsma, &
+      & spaced_amplitudes
    use microslip_cli_log, only: listed
+   use microslip_cli_result_checks, only: check_masing, check_slip
    use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
       & shape_of_mode
    use microslip_cli_surface_input, only: check_closed_points
@@ -103,13 +105,9 @@ contains
       call release_signals()
       call run%clock%stop('qsma')
       if (allocated(error)) return
-      associate (last => size(record%combined))
-         call run%log%line('qsma: '//to_text(last)//' amplitudes, '//to_text(1.0e6_wp*record%combined(1)%amplitude, 3)//' to ' &
-            & //to_text(1.0e6_wp*record%combined(last)%amplitude, 4)//' um; frequency ' &
-            & //to_text(record%combined(1)%frequency, 6)//' to '//to_text(record%combined(last)%frequency, 6) &
-            & //' Hz; damping ratio '//to_text(record%combined(1)%damping_ratio, 3)//' to ' &
-            & //to_text(record%combined(last)%damping_ratio, 3))
-      end associate
+      call report_modes(run, record)
+      call check_masing(record, options%loops == loops_never, run%warnings)
+      call check_slip('qsma', record%largest_slip, run%warnings)
       call run%log%line('qsma: '//to_text(record%iterations)//' iterations ('//to_text(record%points_added) &
          & //' points taken in), largest residual '//to_text(record%residual, 2)//', error estimate ' &
          & //to_text(record%error_estimate, 2))
@@ -119,6 +117,24 @@ contains
       if (.not. allocated(error) .and. record%unconverged > 0) call failure(error, 'qsma: '// &
          & to_text(record%unconverged)//' load steps did not converge')
    end subroutine qsma
+
+   !> Frequency and damping over amplitude in the log, with the largest damping.
+   subroutine report_modes(run, record)
+      type(run_t), intent(in) :: run
+      type(qsma_record_t), intent(in) :: record
+      type(modal_parameters_t) :: modes(size(record%combined))
+      integer :: last, peak
+
+      modes = record%modes()
+      last = size(modes)
+      peak = maxloc(modes%damping_ratio, dim=1)
+      call run%log%line('qsma: '//to_text(last)//' amplitudes, '//to_text(1.0e6_wp*modes(1)%amplitude, 3)//' to ' &
+         & //to_text(1.0e6_wp*modes(last)%amplitude, 4)//' um; frequency '//to_text(modes(1)%frequency, 6)//' to ' &
+         & //to_text(modes(last)%frequency, 6)//' Hz; damping ratio '//to_text(modes(1)%damping_ratio, 3)//' to ' &
+         & //to_text(modes(last)%damping_ratio, 3)//', largest '//to_text(modes(peak)%damping_ratio, 3)//' at ' &
+         & //to_text(1.0e6_wp*modes(peak)%amplitude, 4)//' um ('//trim(merge('hysteresis loops', "Masing's rule   ", &
+         & allocated(record%loop)))//')')
+   end subroutine report_modes
 
    !> Options of the quasi-static modal analysis, but for the mode.
    function qsma_options(run) result(options)
@@ -136,7 +152,7 @@ contains
          end if
          options%sensors = run%case%find_sensors(record%sensor)
          options%steps = record%steps
-         options%cycle = record%cycle
+         if (allocated(record%cycle)) options%loops = merge(loops_always, loops_never, record%cycle)
          options%cycle_steps = record%cycle_steps
       end associate
    end function qsma_options

@@ -7,6 +7,7 @@ module microslip_cli_time_analyses
    use microslip_analysis_transient, only: transient_options_t, transient_record_t, run_transient
    use microslip_cli_log, only: listed
    use microslip_cli_motion_input, only: excitations_of, meter_of
+   use microslip_cli_result_checks, only: check_energy, check_slip
    use microslip_cli_run, only: run_t, contact_options, write_system, sensor_names, settle_damping, add_modal_loads, &
       & shape_of_mode
    use microslip_core_error, only: error_t, failure
@@ -56,6 +57,8 @@ contains
          & //' set changes, '//to_text(record%points_added)//' points taken in), largest residual ' &
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2)//', energy balance error ' &
          & //to_text(record%balance_error, 2)//' of the largest kinetic energy')
+      call check_energy('transient', record%unaccounted_energy, run%warnings)
+      call check_slip('transient', record%largest_slip, run%warnings)
       if (allocated(error)) return
       if (allocated(ignored)) call move_alloc(ignored, error)
       if (record%unconverged > 0) call failure(error, 'transient: '//to_text(record%unconverged)//' of ' &
@@ -111,6 +114,8 @@ contains
             & //'position shifted, um:'//listed(1.0e6_wp*(record%after(last)%sensor - record%after(0)%sensor)) &
             & //'; energy balance error '//to_text(record%transient%balance_error, 2)//' of the largest kinetic energy')
       end associate
+      call check_energy('settling', record%transient%unaccounted_energy, run%warnings)
+      call check_slip('settling', record%transient%largest_slip, run%warnings)
       if (.not. allocated(error)) call write_settling(run%results%file, run%system, options%amplitude, record, run%state, error)
       if (.not. allocated(error) .and. run%case%settling%ringdown) call identify_decays(run, options, phi, error)
       call run%clock%stop('write')

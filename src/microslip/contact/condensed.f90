@@ -19,7 +19,7 @@ module microslip_contact_condensed
    use microslip_contact_laws, only: smallest_force, state_at_rest, state_open, state_slip, state_stick
    use microslip_contact_lookout, only: lookout_t, margin_of
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
-      & count_states, gap_of, gap_of_point
+      & count_states, friction_work, gap_of, gap_of_point
    use microslip_contact_reference, only: reference_t, moves_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
@@ -639,7 +639,8 @@ contains
             self%last_increment(:, p) = x
             self%steps_open(p) = merge(self%steps_open(p) + 1, 0, block%status(a) == state_open)
             if (all(x == 0.0_wp)) cycle
-            record%friction_loss = record%friction_loss - dot_product(block%trial(2:3, a), x(2:3))
+            record%friction_loss = record%friction_loss + friction_work(state%status(p), block%friction(a), block%force(1, a), &
+               & block%trial(:, a), x(2:3))
             state%gap(:, p) = state%gap(:, p) + x
             ! What the states prescribe holds to the last bit.
             if (state%status(p) /= state_open .and. .not. problem%velocity_level) state%gap(1, p) = 0.0_wp

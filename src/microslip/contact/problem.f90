@@ -13,7 +13,7 @@ module microslip_contact_problem
    private
 
    public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
-   public :: new_state, gap_of, gap_of_point, count_states, contact_energy, book_step
+   public :: new_state, gap_of, gap_of_point, count_states, contact_energy, book_step, friction_work
 
    !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
    type :: contact_problem_t
@@ -71,7 +71,7 @@ module microslip_contact_problem
       real(wp), allocatable :: reaction(:), output(:)
       !> 1/2 force^T G force after the step, J
       real(wp) :: contact_energy = 0.0_wp
-      !> Work that friction took in the step, J: the force at its end on the slip
+      !> Work that friction took in the step, J: see `friction_work`
       real(wp) :: friction_loss = 0.0_wp
    contains
       procedure :: pass => pass_record
@@ -259,9 +259,35 @@ contains
             if (.not. allocated(gap_before)) gap_before = gap_of(problem, before%q, before%force)
             slip = after%gap(2:3, p) - gap_before(2:3, p)
          end if
-         record%friction_loss = record%friction_loss - dot_product(after%force(2:3, p), slip)
+         record%friction_loss = record%friction_loss + friction_work(after%status(p), problem%friction(p), before%force(1, p), &
+            & after%force(:, p), slip)
       end do
    end subroutine book_step
+
+   !> Work that friction takes from a point in a step, J: mu (lambda_n before + lambda_n after)/2 |slip| where it slips.
+   !>
+   !> The contact law is met at the end of the step, but slip happens on the way there, at the limit that the normal force
+   !> has meanwhile. With its mean the loss is of second order in the step; with the force at the end it is of first order
+   !> wherever the normal force changes. (The mean of the friction force itself would not do: it is no limit in the step in
+   !> which slip begins or turns.)
+   pure real(wp) function friction_work(status, friction, normal_before, force, slip) result(work)
+      !> After the step
+      integer, intent(in) :: status
+      real(wp), intent(in) :: friction
+      !> N
+      real(wp), intent(in) :: normal_before
+      !> (n, t1, t2) after the step, N
+      real(wp), intent(in) :: force(3)
+      !> Of the step, m
+      real(wp), intent(in) :: slip(2)
+
+      if (status == state_slip) then
+         work = friction*0.5_wp*(normal_before + force(1))*norm2(slip)
+      else
+         ! Nothing, but for the tolerance of the solver.
+         work = -dot_product(force(2:3), slip)
+      end if
+   end function friction_work
 
    !> Number of points that are open, stick and slip, (3).
    pure function count_states(state) result(counts)

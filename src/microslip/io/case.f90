@@ -241,9 +241,9 @@ module microslip_io_case
       character(len=name_length) :: sensor = ''
       !> Load steps between two levels
       integer :: steps = 1
-      !> Hysteresis loops, and load steps of half a loop
-      logical :: cycle = .false.
-      integer :: cycle_steps = 5
+      !> Hysteresis loops, always or never; not allocated: where Masing's rule does not hold. Load steps of half a loop
+      logical, allocatable :: cycle
+      integer :: cycle_steps = 10
    end type qsma_case_t
 
    !> `&ringdown`: identification from the free decay of the time integration.

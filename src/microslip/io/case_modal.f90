@@ -20,6 +20,7 @@ contains
       type(group_keys_t), intent(inout) :: keys
       !> Its record
       type(qsma_case_t), intent(inout) :: record
+      logical :: loops
 
       call keys%integer_key('mode', record%mode, at_least(1))
       call keys%real_list('amplitudes', record%amplitudes, positive, [1, most_levels])
@@ -41,11 +42,13 @@ contains
       end if
       call keys%name_key('sensor', record%sensor)
       call keys%integer_key('steps', record%steps, at_least(1, most_steps))
-      call keys%logical_key('cycle', record%cycle)
-      if (record%cycle) then
+      call keys%optional_logical('cycle', record%cycle)
+      loops = .true.
+      if (allocated(record%cycle)) loops = record%cycle
+      if (loops) then
          call keys%integer_key('cycle_steps', record%cycle_steps, at_least(1, most_steps))
       else
-         call keys%ignored(['cycle_steps'], 'with cycle = .true.', decided_by='cycle')
+         call keys%ignored(['cycle_steps'], 'where loops are not ruled out', decided_by='cycle')
       end if
       call keys%finish()
    end subroutine qsma_keys

@@ -31,6 +31,7 @@ module microslip_io_group_keys
       procedure :: integer_key
       procedure :: logical_key
       procedure :: optional_integer
+      procedure :: optional_logical
       procedure :: name_key
       procedure :: name_list
       procedure, private :: read_real
@@ -203,6 +204,21 @@ contains
          call self%fault(key, '.true. or .false.', elements(1))
       end if
    end subroutine logical_key
+
+   !> A switch that may be left unset.
+   subroutine optional_logical(self, key, value)
+      class(group_keys_t), intent(inout) :: self
+      !> Name of the key
+      character(len=*), intent(in) :: key
+      !> Allocated if the key is given
+      logical, allocatable, intent(inout) :: value
+      logical :: found
+
+      found = .false.
+      if (allocated(value)) found = value
+      if (self%is_reading .or. allocated(value)) call self%logical_key(key, found)
+      if (self%is_reading .and. self%given(key) .and. self%sound(key)) value = found
+   end subroutine optional_logical
 
    !> An integer that may be left unset.
    subroutine optional_integer(self, key, value, range)

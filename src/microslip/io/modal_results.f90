@@ -48,6 +48,7 @@ contains
       !> How many of them are finished, all by default
       integer, intent(in), optional :: levels
       character(len=*), parameter :: side(2) = ['/qsma/positive', '/qsma/negative']
+      type(modal_parameters_t), allocatable :: modes(:)
       integer :: k, n
 
       n = size(record%combined)
@@ -55,7 +56,15 @@ contains
       ! Fewer levels may be there.
       call file%delete('/qsma', error)
       if (allocated(error)) return
-      call put_parameters(file, '/qsma', record%combined(:n), error)
+      modes = record%modes()
+      call put_parameters(file, '/qsma', modes(:n), error)
+      if (.not. allocated(error)) call file%write('/qsma/rule', trim(merge('hysteresis loops', "Masing's rule   ", &
+         & allocated(record%loop))), 'what the frequency and the damping in this group come from', error)
+      call put_parameters(file, '/qsma/masing', record%combined(:n), error)
+      call put(file, '/qsma/masing/contradiction', record%contradiction(:n), '1', "[level]: difference of both directions' " &
+         & //'losses over the larger one', error, '/qsma/masing/amplitude')
+      if (allocated(record%masing_error)) call put_number(file, '/qsma/masing/error', record%masing_error, &
+         & "difference of Masing's rule and a hysteresis loop at the largest amplitude, over the larger loss", error)
       do k = 1, 2
          call put_parameters(file, side(k), record%direction(:n, k), error)
          call put_curve(file, side(k), record%curve(:n, k), error)
@@ -74,6 +83,8 @@ contains
          & 'largest violation of the contact laws over the contact force', error)
       call put_number(file, '/qsma/largest_error_estimate', record%error_estimate, &
          & 'largest estimated error over the contact force', error)
+      call put_number(file, '/qsma/largest_slip', record%largest_slip, &
+         & 'largest tangential displacement of a closed point at a level, over the width of a cell', error)
    end subroutine write_qsma
 
    !> Modal parameters over amplitude.

@@ -419,6 +419,10 @@ contains
       call part('largest_error_estimate', record%error_estimate, 'largest estimated error over the contact force')
       call part('largest_balance_error', record%balance_error, &
          & 'largest energy balance error over the largest kinetic energy')
+      call part('unaccounted_energy', record%unaccounted_energy, &
+         & 'largest energy balance error over the largest of kinetic energy, external work and losses')
+      call part('largest_slip', record%largest_slip, &
+         & 'largest tangential displacement of a closed point at the checks, over the width of a cell')
 
    contains
 
