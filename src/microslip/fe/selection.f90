@@ -2,6 +2,7 @@
 module microslip_fe_selection
    use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp
+   use microslip_core_nearest_name, only: nearest_name
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: fe_model_t
    implicit none(type, external)
@@ -24,7 +25,7 @@ contains
       set = 0
       if (allocated(model%node_sets)) set = model%find_node_set(name)
       if (set == 0) then
-         call bad_input(error, "there is no node set '"//name//"'; the model has "//known_sets(model))
+         call bad_input(error, "there is no node set '"//name//"'; the model has "//known_sets(model)//suggestion(model, name))
          return
       end if
       if (allocated(model%node_sets(set)%fault)) then
@@ -35,21 +36,42 @@ contains
       if (size(nodes) == 0) call bad_input(error, "the node set '"//name//"' is empty")
    end subroutine nodes_of_set
 
-   !> The names of all sets, for messages.
+   !> The names of the sets, for messages; of many sets the first.
    pure function known_sets(model) result(list)
       type(fe_model_t), intent(in) :: model
       character(len=:), allocatable :: list
+      integer, parameter :: most = 30
       integer :: k
 
       list = ''
       if (allocated(model%node_sets)) then
-         do k = 1, size(model%node_sets)
+         do k = 1, min(size(model%node_sets), most)
             if (k > 1) list = list//', '
             list = list//"'"//model%node_sets(k)%name//"'"
          end do
+         if (size(model%node_sets) > most) list = list//' and '//to_text(size(model%node_sets) - most)//' more'
       end if
       if (list == '') list = 'no node sets'
    end function known_sets
+
+   !> '; is NAME meant?' where a set has nearly the same name.
+   pure function suggestion(model, name) result(text)
+      type(fe_model_t), intent(in) :: model
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: text
+      character(len=:), allocatable :: known(:)
+      integer :: k
+
+      text = ''
+      if (.not. allocated(model%node_sets)) return
+      allocate (character(len=maxval([(len(model%node_sets(k)%name), k=1, size(model%node_sets))])) :: &
+         known(size(model%node_sets)))
+      do k = 1, size(known)
+         known(k) = model%node_sets(k)%name
+      end do
+      text = nearest_name(name, known)
+      if (text /= '') text = "; is '"//trim(text)//"' meant?"
+   end function suggestion
 
    !> Label and coordinates of a node, for messages.
    pure function node_text(model, node) result(text)

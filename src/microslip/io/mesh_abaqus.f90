@@ -149,6 +149,7 @@ contains
          character(len=:), allocatable :: text
          text = ''
          if (beside /= there) text = ' and no '//beside
+         if (index(name, '\') > 0) text = text//' (folders are separated by /)'
       end function other_place
 
    end subroutine find_included

@@ -26,7 +26,6 @@ contains
       !> A file that cannot be read, or is known as something else
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: bytes, kind
-      logical :: is_folder
 
       format = format_unknown
       call read_beginning(path, bytes, error)
@@ -40,9 +39,7 @@ contains
          call bad_input(error, path//': format not known, it is an HDF5 file: a model of this program is named by '// &
             "source = 'hdf5' and file; "//readable_meshes)
       else if (kind == 'empty') then
-         inquire (file=path//'/.', exist=is_folder)
-         call bad_input(error, path//trim(merge(': is a folder', ': is empty   ', is_folder))//', a mesh is expected; '// &
-            readable_meshes)
+         call bad_input(error, path//': is empty, a mesh is expected; '//readable_meshes)
       else if (kind /= '') then
          call bad_input(error, path//': format not known, it looks like '//kind//'; '//readable_meshes)
       end if
