@@ -6,6 +6,7 @@ module microslip_cli_driver
    use microslip_cli_demand, only: check_demand, check_grids, check_reading, estimate_demand, in_words, memory_estimate
    use microslip_cli_file_guard, only: file_guard_t
    use microslip_cli_log, only: log_t, warnings_in_words
+   use microslip_cli_model_report, only: report_model
    use microslip_cli_restart, only: examine_results, open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
@@ -117,7 +118,7 @@ contains
       call forget_inputs()
       call note_input(case%path)
       if (allocated(line%write_model) .and. .not. line%check) then
-         call read_model(run%case, model, run%warnings, error)
+         call read_model(run%case, model, run%scene%survey, run%warnings, error)
          if (.not. allocated(error)) call guard%check_read(number, error)
          if (.not. allocated(error)) call write_model_hdf5(line%write_model, model, error)
          call run%log%warnings(run%warnings)
@@ -137,6 +138,7 @@ contains
       call run%clock%stop('read')
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       call report_elements(run%log, run%scene%model)
+      call report_model(run%log, run%scene)
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
       do k = 1, size(run%scene%pads)
          if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &

@@ -1,5 +1,6 @@
 !> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
 module microslip_cli_scene
+   use microslip_cli_plausibility, only: check_pad, check_sizes, check_units
    use microslip_cli_surface_input, only: read_surface, surface_record_t
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
@@ -11,7 +12,10 @@ module microslip_cli_scene
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_mid_sides, only: check_mid_sides
    use microslip_fe_model, only: fe_model_t
+   use microslip_fe_matrix_check, only: check_matrices
    use microslip_fe_model_check, only: check_model
+   use microslip_fe_model_survey, only: model_survey_t, survey_model
+   use microslip_fe_unit_guess, only: unit_in_si
    use microslip_halfspace_coupling, only: points_on_faces
    use microslip_halfspace_grid, only: be_grid_t, new_grid
    use microslip_halfspace_love_cerruti, only: material_t, elastic_material, half_space_pair
@@ -39,6 +43,8 @@ module microslip_cli_scene
    !> What a case describes, read and checked.
    type :: scene_t
       type(fe_model_t) :: model
+      !> What its mesh and matrices show of each other
+      type(model_survey_t) :: survey
       type(pad_t), allocatable :: pads(:)
       !> (pads) FE meshes at the interfaces
       type(interface_mesh_t), allocatable :: meshes(:)
@@ -61,11 +67,13 @@ module microslip_cli_scene
 
 contains
 
-   !> Read the FE model of a case.
-   subroutine read_model(case, model, warnings, error)
+   !> Read the FE model of a case and look at it.
+   subroutine read_model(case, model, survey, warnings, error)
       type(case_t), intent(in) :: case
       type(fe_model_t), intent(out) :: model
-      !> Grows by what is doubtful about the model
+      !> What mesh and matrices show of each other
+      type(model_survey_t), intent(out) :: survey
+      !> What is doubtful
       type(warning_list_t), intent(inout) :: warnings
       type(error_t), allocatable, intent(out) :: error
 
@@ -81,26 +89,12 @@ contains
       if (.not. allocated(error)) then
          call check_mid_sides(model, error)
          if (.not. allocated(error)) call check_model(model, error)
+         if (.not. allocated(error)) call survey_model(model, survey)
+         if (.not. allocated(error)) call check_matrices(model, survey, warnings, error)
          if (allocated(error)) error%message = case%located(case%model%file)//': '//error%message
       end if
       if (allocated(error)) error%message = case%path//': &model: '//error%message
    end subroutine read_model
-
-   !> A unit in SI units.
-   pure real(wp) function unit_in_si(name)
-      character(len=*), intent(in) :: name
-
-      select case (trim(name))
-      case ('mm', 'ms', 'g')
-         unit_in_si = 1.0e-3_wp
-      case ('um')
-         unit_in_si = 1.0e-6_wp
-      case ('t')
-         unit_in_si = 1.0e3_wp
-      case default
-         unit_in_si = 1.0_wp
-      end select
-   end function unit_in_si
 
    !> Read everything a case names and bring it together.
    subroutine build_scene(case, scene, error)
@@ -109,14 +103,17 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      call read_model(case, scene%model, scene%warnings, error)
+      call read_model(case, scene%model, scene%survey, scene%warnings, error)
       if (allocated(error)) return
       allocate (scene%pads(size(case%interfaces)), scene%meshes(size(case%interfaces)), scene%surfaces(size(case%interfaces)))
       do k = 1, size(case%interfaces)
          call build_pad(case, case%interfaces(k), scene%model, scene%pads(k), scene%surfaces(k), scene%warnings, error)
          if (allocated(error)) return
          scene%meshes(k) = measure_interface_mesh(scene%model, scene%pads(k)%contact)
+         call check_pad(case, case%interfaces(k), scene%survey, scene%pads(k), scene%warnings)
       end do
+      call check_units(case, scene%survey, scene%warnings)
+      call check_sizes(case, scene%model, scene%pads, scene%warnings)
       call check_modes(case, scene, error)
       if (.not. allocated(error)) call build_patterns(case, scene, error)
       allocate (scene%tables(size(case%excitations)))

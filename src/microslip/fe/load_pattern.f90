@@ -15,8 +15,8 @@ module microslip_fe_load_pattern
    use microslip_core_text, only: to_text
    use microslip_fe_element, only: faces_within, twin_faces, face_size, cross_product
    use microslip_fe_foreign_faces, only: foreign_faces
-   use microslip_fe_model, only: fe_model_t
-   use microslip_fe_selection, only: nodes_of_set
+   use microslip_fe_model, only: fe_model_t, row_supported
+   use microslip_fe_selection, only: absence_text, nodes_of_set
    use microslip_fe_shape_functions, only: shape_values, shape_gradients
    use microslip_linalg_sparse, only: symmetric_sparse_t
    implicit none(type, external)
@@ -68,8 +68,8 @@ contains
          do k = 1, size(nodes)
             if (share(k) == 0.0_wp) cycle
             if (rows(c, nodes(k)) == 0) then
-               call bad_input(error, "load on node set '"//set//"': node "//to_text(model%node_label(nodes(k)))// &
-                  ' is supported in '//axis_name(c)//' and cannot carry load there')
+               call bad_input(error, "load on node set '"//set//"': "//absence_text(model, nodes(k), c)// &
+                  '; it cannot carry load there'//advice(model, nodes(k), c))
                return
             end if
             load(rows(c, nodes(k))) = force*unit_direction(c)*share(k)
@@ -105,9 +105,8 @@ contains
          translation(pack(rows(c, :), rows(c, :) > 0)) = unit_direction(c)
          if (any(rows(c, :) == 0 .and. in_mesh) .and. couples(model%mass)) then
             k = findloc(rows(c, :) == 0 .and. in_mesh, .true., 1)
-            call bad_input(error, 'base excitation: node '//to_text(model%node_label(k))//' is supported (or depends on '// &
-               'others) in '//axis_name(c)//', and what the mass matrix couples to it is not in the model; springs to '// &
-               'the base in place of the support, or a lumped mass matrix, make the load known')
+            call bad_input(error, 'base excitation: '//absence_text(model, k, c)//'; what the mass matrix couples to it is '// &
+               'not in the model; springs to the base in place of the support, or a lumped mass matrix, make the load known')
             return
          end if
       end do
@@ -128,7 +127,7 @@ contains
       couples = .false.
    end function couples
 
-   !> The row that gives the mean displacement of a node set along a direction (supported: zero).
+   !> The row that gives the mean displacement of a node set along a direction (supported: zero; dependent: refused).
    subroutine sensor_row(model, set, direction, row, error)
       type(fe_model_t), intent(in) :: model
       !> Name of the node set
@@ -148,7 +147,13 @@ contains
       allocate (row(model%row_count()), source=0.0_wp)
       do k = 1, size(nodes)
          do c = 1, 3
-            if (rows(c, nodes(k)) > 0) row(rows(c, nodes(k))) = unit_direction(c)/size(nodes)
+            if (rows(c, nodes(k)) > 0) then
+               row(rows(c, nodes(k))) = unit_direction(c)/size(nodes)
+            else if (abs(unit_direction(c)) > epsilon(1.0_wp) .and. model%absence_of(nodes(k), c) /= row_supported) then
+               call bad_input(error, "sensor on node set '"//set//"': "//absence_text(model, nodes(k), c)// &
+                  '; its displacement is not known'//advice(model, nodes(k), c))
+               return
+            end if
          end do
       end do
       if (maxval(abs(row)) <= epsilon(1.0_wp)/size(nodes)) call bad_input(error, "sensor on node set '"//set// &
@@ -239,11 +244,13 @@ contains
       end do
    end function nodal_areas
 
-   !> The name of a component, for messages.
-   pure character(len=1) function axis_name(component)
-      integer, intent(in) :: component
-      character(len=3), parameter :: names = 'xyz'
-      axis_name = names(component:component)
-   end function axis_name
+   !> What to do about a component that is not known to be supported.
+   pure function advice(model, node, component) result(text)
+      type(fe_model_t), intent(in) :: model
+      integer, intent(in) :: node, component
+      character(len=:), allocatable :: text
+      text = ''
+      if (model%absence_of(node, component) /= row_supported) text = ' (use the node or nodes that it follows)'
+   end function advice
 
 end module microslip_fe_load_pattern

@@ -7,6 +7,11 @@ module microslip_fe_model
    private
 
    public :: fe_model_t, element_block_t, node_set_t, element_counts
+   public :: has_row, row_supported, row_dependent, row_unknown
+
+   !> Why a component of a node has no row in the matrices: it has one; it is supported; it depends on others by a
+   !> constraint (an equation, a rigid body, tied surfaces); one of the two.
+   integer, parameter :: has_row = 0, row_supported = 1, row_dependent = 2, row_unknown = 3
 
    !> All elements of one type.
    type :: element_block_t
@@ -25,7 +30,7 @@ module microslip_fe_model
       character(len=:), allocatable :: fault
    end type node_set_t
 
-   !> Mesh and matrices. Supported degrees of freedom have no row in the matrices.
+   !> Mesh and matrices. Supported and dependent degrees of freedom have no row in the matrices.
    type :: fe_model_t
       !> (3, nodes) m
       real(wp), allocatable :: coordinates(:, :)
@@ -42,11 +47,15 @@ module microslip_fe_model
       type(symmetric_sparse_t) :: stiffness
       !> kg
       type(symmetric_sparse_t) :: mass
+      !> (3, nodes) why a component has no row, as the matrices show it (`microslip_fe_model_survey`); not allocated: as said
+      !> by who made the model, components without a row are supported
+      integer, allocatable :: absence(:, :)
    contains
       procedure :: node_count
       procedure :: row_count
       procedure :: rows_of_nodes
       procedure :: find_node_set
+      procedure :: absence_of
    end type fe_model_t
 
 contains
@@ -74,6 +83,19 @@ contains
          rows(self%row_component(k), self%row_node(k)) = k
       end do
    end function rows_of_nodes
+
+   !> Why a component of a node has no row; `has_row` if it has one.
+   pure integer function absence_of(self, node, component)
+      class(fe_model_t), intent(in) :: self
+      !> Node index, and 1, 2, 3 = x, y, z
+      integer, intent(in) :: node, component
+      if (allocated(self%absence)) then
+         absence_of = self%absence(component, node)
+      else
+         absence_of = row_supported
+         if (any(self%row_node == node .and. self%row_component == component)) absence_of = has_row
+      end if
+   end function absence_of
 
    !> Index of the node set with this name (case does not matter), 0 if there is none.
    pure integer function find_node_set(self, name)

@@ -8,7 +8,8 @@ module microslip_fe_relative_coordinates
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_fe_interface, only: contact_interface_t
-   use microslip_fe_model, only: fe_model_t
+   use microslip_fe_model, only: fe_model_t, has_row, row_supported
+   use microslip_fe_selection, only: absence_text
    use microslip_linalg_sparse, only: symmetric_sparse_t, from_triplets
    implicit none(type, external)
    private
@@ -26,8 +27,6 @@ module microslip_fe_relative_coordinates
       procedure :: transformed_matrix
       procedure :: transformed_forces
    end type relative_coordinates_t
-
-   character(len=*), parameter :: axis = 'xyz'
 
 contains
 
@@ -82,14 +81,39 @@ contains
             node = interfaces(k)%node_a(j)
             do c = 1, 3
                if (rows(c, node) > 0) cycle
-               call bad_input(error, 'interface "'//interfaces(k)%name//'": node '//to_text(model%node_label(node))// &
-                              ' of side A is supported in component '//axis(c:c)// &
-                              '; leave it out of the interface, or exchange the sides')
+               call bad_input(error, 'interface "'//interfaces(k)%name//'": side A: '//absence_text(model, node, c)// &
+                              side_advice(model, interfaces(k)%node_b(j), c))
+               return
+            end do
+            node = interfaces(k)%node_b(j)
+            if (node == 0) cycle
+            do c = 1, 3
+               if (rows(c, node) > 0) cycle
+               if (model%absence_of(node, c) == row_supported) cycle
+               call bad_input(error, 'interface "'//interfaces(k)%name//'": side B: '//absence_text(model, node, c)// &
+                              '; nodes of an interface must be free or supported, leave it out of the constraint')
                return
             end do
          end do
       end do
    end subroutine check_nodes
+
+   !> What to do about a node of side A without a row.
+   function side_advice(model, node_b, component) result(text)
+      type(fe_model_t), intent(in) :: model
+      !> The other node of the pair, 0 for rigid ground, and the component
+      integer, intent(in) :: node_b, component
+      character(len=:), allocatable :: text
+
+      text = '; leave it out of the interface'
+      if (node_b == 0) return
+      if (model%absence_of(node_b, component) == has_row) then
+         text = text//', or exchange the sides'
+      else
+         text = text//' (its partner, node '//to_text(model%node_label(node_b))//' of side B, has no row there either: a '// &
+            'support or a plane of symmetry that cuts the joint must leave the joint free)'
+      end if
+   end function side_advice
 
    !> The entries of T.
    subroutine fill_rows(model, interfaces, rows, interface_of, pair_of, coordinates)

@@ -4,11 +4,11 @@ module microslip_fe_selection
    use microslip_core_kinds, only: wp
    use microslip_core_nearest_name, only: nearest_name
    use microslip_core_text, only: to_text
-   use microslip_fe_model, only: fe_model_t
+   use microslip_fe_model, only: fe_model_t, row_dependent, row_supported
    implicit none(type, external)
    private
 
-   public :: nodes_of_set, node_text, coordinates_text
+   public :: nodes_of_set, node_text, coordinates_text, absence_text
 
 contains
 
@@ -81,6 +81,27 @@ contains
       character(len=:), allocatable :: text
       text = 'node '//to_text(model%node_label(node))//' at '//coordinates_text(model%coordinates(:, node))
    end function node_text
+
+   !> Why a component of a node has no row, for messages: 'node 7 is supported in z', or what else it may be.
+   pure function absence_text(model, node, component) result(text)
+      type(fe_model_t), intent(in) :: model
+      !> Node index, and 1, 2, 3 = x, y, z
+      integer, intent(in) :: node, component
+      character(len=:), allocatable :: text
+      character(len=3), parameter :: axes = 'xyz'
+
+      text = 'node '//to_text(model%node_label(node))
+      select case (model%absence_of(node, component))
+      case (row_supported)
+         text = text//' is supported in '//axes(component:component)
+      case (row_dependent)
+         text = text//' depends on other nodes in '//axes(component:component)// &
+            & ' by a constraint (an equation, a rigid body, tied surfaces), and has no row in the matrices'
+      case default
+         text = text//' has no row for '//axes(component:component)// &
+            & ' in the matrices: it is supported, or depends on others by a constraint'
+      end select
+   end function absence_text
 
    !> (x, y, z), for messages.
    pure function coordinates_text(x) result(text)

@@ -1,0 +1,116 @@
+!> What an engineer checks first of a model: size, mass, centre, material as mesh and matrices show it, what holds it.
+module microslip_cli_model_report
+   use microslip_cli_log, only: log_t
+   use microslip_cli_scene, only: scene_t
+   use microslip_core_kinds, only: wp
+   use microslip_core_text, only: to_text
+   use microslip_fe_model, only: row_dependent, row_supported, row_unknown
+   use microslip_fe_model_survey, only: median
+   implicit none(type, external)
+   private
+
+   public :: report_model
+
+   !> Lengths below are told in mm, m.
+   real(wp), parameter :: shown_in_mm = 10.0_wp
+   !> Values that differ by less than this part of each other are told as one.
+   real(wp), parameter :: one_value = 0.02_wp
+
+contains
+
+   !> Print them.
+   subroutine report_model(log, scene)
+      type(log_t), intent(in) :: log
+      type(scene_t), intent(in) :: scene
+      real(wp) :: low(3), high(3)
+
+      associate (model => scene%model, survey => scene%survey)
+         low = minval(model%coordinates, 2)
+         high = maxval(model%coordinates, 2)
+         call log%line('structure: '//lengths(high - low, maxval(high - low), ' x ')//', from '// &
+            & lengths(low, maxval(high - low), ', ')//' to '//lengths(high, maxval(high - low), ', '))
+         call log%line('mass of all that has rows: '//masses()//' kg, centre at '// &
+            & lengths(survey%centre, maxval(high - low), ', ')//'; volume of the mesh '// &
+            & to_text(1.0e6_wp*survey%volume, 5)//' cm^3')
+         call log%line('material that mesh and matrices show: '//material())
+         call log%line('held: '//constraints())
+      end associate
+
+   contains
+
+      !> One mass, or those along x, y, z.
+      function masses() result(text)
+         character(len=:), allocatable :: text
+         associate (mass => scene%survey%mass)
+            text = to_text(mass(1), 5)
+            if (maxval(mass) - minval(mass) > 1.0e-5_wp*maxval(mass)) &
+               & text = text//', '//to_text(mass(2), 5)//', '//to_text(mass(3), 5)
+         end associate
+      end function masses
+
+      function material() result(text)
+         character(len=:), allocatable :: text
+         associate (survey => scene%survey)
+            if (.not. (any(survey%young > 0.0_wp) .or. any(survey%density > 0.0_wp))) then
+               text = 'none (no node has nothing but listed bricks around it)'
+               return
+            end if
+            text = "Young's modulus "//spread_text(survey%young)//" Pa, Poisson's ratio "// &
+               & to_text(median(survey%poisson), 3)//' (surface nodes), density '//spread_text(survey%density)//' kg/m^3'
+         end associate
+      end function material
+
+      !> What has no row, springs, couplings without elements.
+      function constraints() result(text)
+         character(len=:), allocatable :: text
+         associate (survey => scene%survey, absence => scene%model%absence)
+            text = to_text(count(absence == row_supported))//' components of nodes by supports'
+            if (any(absence == row_dependent)) text = text//', '//to_text(count(absence == row_dependent)) &
+               & //' by constraints (they depend on others)'
+            if (any(absence == row_unknown)) text = text//', '//to_text(count(absence == row_unknown)) &
+               & //' by supports or constraints'
+            if (any(survey%grounded)) text = text//'; '//to_text(count(survey%grounded))//' nodes by springs to the ground'
+            if (survey%foreign > 0) text = text//'; '//to_text(survey%foreign)//' pairs of nodes are joined without a common ' &
+               & //'element (constraints, springs, elements that the mesh does not list)'
+         end associate
+      end function constraints
+
+   end subroutine report_model
+
+   !> The median of the values other than zero, and their range where it is wide.
+   function spread_text(values) result(text)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: text
+      real(wp) :: middle, low, high
+
+      middle = median(values)
+      low = minval(values, abs(values) > 0.0_wp)
+      high = maxval(values, abs(values) > 0.0_wp)
+      text = to_text(middle, 4)
+      if (any(abs(values) > 0.0_wp) .and. high - low > one_value*abs(middle)) text = text//' ('//to_text(low, 3)//' to ' &
+         & //to_text(high, 3)//')'
+   end function spread_text
+
+   !> Lengths with their unit.
+   function lengths(values, largest, between) result(text)
+      !> m
+      real(wp), intent(in) :: values(:), largest
+      character(len=*), intent(in) :: between
+      character(len=:), allocatable :: text
+      real(wp) :: factor, value
+      integer :: k
+
+      factor = merge(1.0e3_wp, 1.0_wp, largest < shown_in_mm)
+      text = ''
+      do k = 1, size(values)
+         value = values(k)
+         ! What rounding leaves of a zero is not told.
+         if (abs(value) < 1.0e-6_wp*largest) value = 0.0_wp
+         if (k > 1) text = text//between
+         text = text//to_text(factor*value, 5)
+      end do
+      if (between == ', ') text = '('//text//')'
+      text = text//trim(merge(' mm', ' m ', factor > 1.0_wp))
+   end function lengths
+
+end module microslip_cli_model_report
