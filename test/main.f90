@@ -41,6 +41,7 @@ program main
    use test_fe_interface, only: collect_fe_interface
    use test_fe_load_pattern, only: collect_fe_load_pattern
    use test_fe_mid_sides, only: collect_fe_mid_sides
+   use test_fe_model_survey, only: collect_fe_model_survey
    use test_fe_pairing, only: collect_fe_pairing
    use test_fe_reduction, only: collect_fe_reduction
    use test_fe_relative_coordinates, only: collect_fe_relative_coordinates
@@ -139,6 +140,7 @@ program main
       & new_testsuite('fe_interface', collect_fe_interface), &
       & new_testsuite('fe_load_pattern', collect_fe_load_pattern), &
       & new_testsuite('fe_mid_sides', collect_fe_mid_sides), &
+      & new_testsuite('fe_model_survey', collect_fe_model_survey), &
       & new_testsuite('fe_pairing', collect_fe_pairing), &
       & new_testsuite('fe_reduction', collect_fe_reduction), &
       & new_testsuite('fe_relative_coordinates', collect_fe_relative_coordinates), &

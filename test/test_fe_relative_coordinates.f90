@@ -2,7 +2,7 @@ module test_fe_relative_coordinates
    use microslip_core_error, only: error_t, status_bad_input
    use microslip_core_kinds, only: wp
    use microslip_fe_interface, only: contact_interface_t
-   use microslip_fe_model, only: fe_model_t
+   use microslip_fe_model, only: fe_model_t, node_set_t
    use microslip_fe_relative_coordinates, only: new_relative_coordinates, relative_coordinates_t
    use microslip_linalg_sparse, only: symmetric_sparse_t
    use support_brick, only: block_model, block_t, facing_interface, two_blocks
@@ -22,6 +22,7 @@ contains
                   new_unittest('energy_and_work', test_energy_and_work), &
                   new_unittest('supported_side_b', test_supported_side_b), &
                   new_unittest('rigid_ground', test_rigid_ground), &
+                  new_unittest('nodes_shared_by_sides_b', test_shared_side_b), &
                   new_unittest('boundary_order', test_boundary_order), &
                   new_unittest('supported_side_a', test_supported_side_a), &
                   new_unittest('node_used_twice', test_node_used_twice)]
@@ -127,6 +128,29 @@ contains
       call compare(error, model, [joint])
    end subroutine test_supported_side_b
 
+   !> Two blocks side by side on one base: the nodes below their common edge belong to side B of both joints.
+   subroutine test_shared_side_b(error)
+      type(error_type), allocatable, intent(out) :: error
+      type(fe_model_t) :: model
+      type(contact_interface_t), allocatable :: joints(:)
+      integer, allocatable :: left(:), right(:), base(:)
+      integer :: k
+
+      call block_model([block_t('base', [0.0_wp, 0.0_wp, -0.02_wp], [0.08_wp, 0.04_wp, 0.02_wp], [4, 2, 1]), &
+                        block_t('left', [0.0_wp, 0.0_wp, 0.0_wp], [0.04_wp, 0.04_wp, 0.03_wp], [2, 2, 1]), &
+                        block_t('right', [0.04_wp, 0.0_wp, 0.0_wp], [0.04_wp, 0.04_wp, 0.03_wp], [2, 2, 1])], &
+                       ['base_zmin'], model)
+      base = model%node_sets(model%find_node_set('base_zmax'))%nodes
+      left = pack(base, model%coordinates(1, base) < 0.041_wp)
+      right = pack(base, model%coordinates(1, base) > 0.039_wp)
+      model%node_sets = [model%node_sets, node_set_t('base_left', left), node_set_t('base_right', right)]
+      allocate (joints(2))
+      joints(1) = facing_interface(model, 'left_zmin', 'base_left', 'first')
+      joints(2) = facing_interface(model, 'right_zmin', 'base_right', 'second')
+      call check(error, count([(any(joints(1)%node_b == joints(2)%node_b(k)), k=1, 9)]), 3)
+      if (.not. allocated(error)) call compare(error, model, joints)
+   end subroutine test_shared_side_b
+
    subroutine test_rigid_ground(error)
       type(error_type), allocatable, intent(out) :: error
       type(fe_model_t) :: model
@@ -178,7 +202,7 @@ contains
       if (allocated(error)) return
       call check(error, fault%status, status_bad_input)
       if (allocated(error)) return
-      call check(error, index(fault%message, 'node 130 of side A is supported in component x') > 0, fault%message)
+      call check(error, index(fault%message, 'side A: node 130 is supported in x') > 0, fault%message)
    end subroutine test_supported_side_a
 
    subroutine test_node_used_twice(error)

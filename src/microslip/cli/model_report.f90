@@ -14,7 +14,7 @@ module microslip_cli_model_report
    !> Lengths below are told in mm, m.
    real(wp), parameter :: shown_in_mm = 10.0_wp
    !> Values that differ by less than this part of each other are told as one.
-   real(wp), parameter :: one_value = 0.02_wp
+   real(wp), parameter :: one_value = 0.5_wp
 
 contains
 
@@ -23,6 +23,7 @@ contains
       type(log_t), intent(in) :: log
       type(scene_t), intent(in) :: scene
       real(wp) :: low(3), high(3)
+      integer :: k
 
       associate (model => scene%model, survey => scene%survey)
          low = minval(model%coordinates, 2)
@@ -56,14 +57,18 @@ contains
                return
             end if
             text = "Young's modulus "//spread_text(survey%young)//" Pa, Poisson's ratio "// &
-               & to_text(median(survey%poisson), 3)//' (surface nodes), density '//spread_text(survey%density)//' kg/m^3'
+               & to_text(rounded(median(survey%poisson)), 3)//' (surface nodes), density '//spread_text(survey%density)//' kg/m^3'
          end associate
       end function material
 
       !> What has no row, springs, couplings without elements.
       function constraints() result(text)
          character(len=:), allocatable :: text
-         associate (survey => scene%survey, absence => scene%model%absence)
+         integer, allocatable :: absence(:, :)
+
+         ! Nodes without elements and without rows are in no analysis.
+         absence = scene%model%absence(:, pack([(k, k=1, scene%model%node_count())], scene%survey%in_element))
+         associate (survey => scene%survey)
             text = to_text(count(absence == row_supported))//' components of nodes by supports'
             if (any(absence == row_dependent)) text = text//', '//to_text(count(absence == row_dependent)) &
                & //' by constraints (they depend on others)'
@@ -76,6 +81,12 @@ contains
       end function constraints
 
    end subroutine report_model
+
+   !> Without what rounding leaves of zero.
+   pure real(wp) function rounded(value)
+      real(wp), intent(in) :: value
+      rounded = 1.0e-6_wp*anint(1.0e6_wp*value)
+   end function rounded
 
    !> The median of the values other than zero, and their range where it is wide.
    function spread_text(values) result(text)

@@ -5,16 +5,19 @@ module microslip_cli_scene
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_core_warning_list, only: warning_list_t
+   use microslip_core_warning_list, only: severity_doubtful, severity_wrong, warning_list_t
    use microslip_fe_element, only: cross_product
    use microslip_fe_interface, only: contact_interface_t, interface_from_sets, interface_from_plane
    use microslip_fe_interface_mesh, only: interface_mesh_t, measure_interface_mesh
+   use microslip_fe_left_out_faces, only: find_left_out, left_out_t
    use microslip_fe_load_pattern, only: base_load, load_vector, sensor_row
    use microslip_fe_mid_sides, only: check_mid_sides
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_matrix_check, only: check_matrices
    use microslip_fe_model_check, only: check_model
    use microslip_fe_model_survey, only: model_survey_t, survey_model
+   use microslip_fe_relative_coordinates, only: check_interface_nodes
+   use microslip_fe_selection, only: node_text
    use microslip_fe_unit_guess, only: unit_in_si
    use microslip_halfspace_coupling, only: points_on_faces
    use microslip_halfspace_grid, only: be_grid_t, new_grid
@@ -33,6 +36,9 @@ module microslip_cli_scene
    !> How far outside the faces a grid point may lie, in face coordinates (width 2): the slivers between the
    !> chords of a meshed outline and the outline itself.
    real(wp), parameter :: overhang = 0.2_wp
+
+   !> Faces left out beside an interface, as a part of its area, from which on the joint is another one.
+   real(wp), parameter :: serious_share = 0.05_wp
 
    !> A function of time.
    type :: table_t
@@ -112,6 +118,12 @@ contains
          scene%meshes(k) = measure_interface_mesh(scene%model, scene%pads(k)%contact)
          call check_pad(case, case%interfaces(k), scene%survey, scene%pads(k), scene%warnings)
       end do
+      call check_interface_nodes(scene%model, contact_interfaces(scene), error)
+      if (allocated(error)) then
+         error%message = case%path//': '//error%message
+         return
+      end if
+      call warn_of_left_out(scene)
       call check_units(case, scene%survey, scene%warnings)
       call check_sizes(case, scene%model, scene%pads, scene%warnings)
       call check_modes(case, scene, error)
@@ -123,6 +135,26 @@ contains
             & scene%tables(k)%points, error)
       end do
    end subroutine build_scene
+
+   !> Places beside the interfaces where the bodies meet as well.
+   subroutine warn_of_left_out(scene)
+      type(scene_t), intent(inout) :: scene
+      type(contact_interface_t), allocatable :: contacts(:)
+      type(left_out_t), allocatable :: left_out(:)
+      integer :: k
+
+      contacts = contact_interfaces(scene)
+      call find_left_out(scene%model, contacts, left_out)
+      do k = 1, size(left_out)
+         associate (found => left_out(k))
+            if (found%faces == 0) cycle
+            call scene%warnings%add(merge(severity_wrong, severity_doubtful, found%area > serious_share*found%area_of_interface), &
+               & "interface '"//contacts(k)%name//"': the bodies meet beside it too: "//to_text(found%faces)//' faces with '// &
+               & to_text(100.0_wp*found%area/found%area_of_interface, 3)//' % of its area are left out on each side, first at '// &
+               & node_text(scene%model, found%first_node)//'; they carry nothing: should their nodes be in the node sets?')
+         end associate
+      end do
+   end subroutine warn_of_left_out
 
    !> The model has as many modes.
    subroutine check_modes(case, scene, error)

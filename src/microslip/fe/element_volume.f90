@@ -1,8 +1,9 @@
 !> What the mesh says of every node: volume and area vector,
 !>
-!>     V_i = sum over elements int N_i dV,        A_i = sum over elements int grad N_i dV.
+!>     V_i = sum int N_i dV,        D_i = sum int N_i^2 dV,        A_i = sum int grad N_i dV        over its elements.
 !>
-!> In one material of density rho the mass of node i under a rigid translation is rho V_i. Under a constant stress sigma the
+!> In one material of density rho the mass of node i under a rigid translation is rho V_i, and the diagonal entry of a consistent
+!> mass matrix rho D_i. Under a constant stress sigma the
 !> nodal force is sigma A_i; A_i is zero inside the body, and the consistent nodal share of the surface, outward, on it.
 !> Gauss points: 2 x 2 x 2, as the elements have them; 3 x 3 x 3 for the 20-node brick with full integration.
 module microslip_fe_element_volume
@@ -22,22 +23,24 @@ module microslip_fe_element_volume
 
 contains
 
-   !> V_i and A_i of all nodes.
-   subroutine node_volumes(model, volume, area, size_of_area, measured)
+   !> V_i, D_i and A_i of all nodes.
+   subroutine node_volumes(model, volume, square, area, size_of_area, measured)
       type(fe_model_t), intent(in) :: model
-      !> (nodes) m^3
-      real(wp), allocatable, intent(out) :: volume(:)
+      !> (nodes) V_i and D_i, m^3; D_i is 0 at nodes of 20-node bricks
+      real(wp), allocatable, intent(out) :: volume(:), square(:)
       !> (3, nodes) m^2
       real(wp), allocatable, intent(out) :: area(:, :)
       !> (nodes) sum of the sizes of the elements' parts of A_i, m^2
       real(wp), allocatable, intent(out) :: size_of_area(:)
       !> (nodes) whether all elements of the node are bricks with 8 or 20 nodes
       logical, allocatable, intent(out) :: measured(:)
-      real(wp), allocatable :: part_volume(:), part_area(:, :)
+      real(wp), allocatable :: part_volume(:), part_square(:), part_area(:, :)
+      logical, allocatable :: eight(:)
       integer :: k, e, m, n
 
       n = model%node_count()
-      allocate (volume(n), area(3, n), size_of_area(n), source=0.0_wp)
+      allocate (eight(n), source=.true.)
+      allocate (volume(n), square(n), area(3, n), size_of_area(n), source=0.0_wp)
       allocate (measured(n), source=.false.)
       do k = 1, size(model%elements)
          measured(pack(model%elements(k)%connectivity, .true.)) = .true.
@@ -54,31 +57,35 @@ contains
                measured(pack(connectivity, .true.)) = .false.
                cycle
             end if
-            allocate (part_volume(n), part_area(3, n))
+            allocate (part_volume(n), part_square(n), part_area(3, n))
             do e = 1, size(connectivity, 2)
-               call integrate(model%coordinates(:, connectivity(:, e)), merge(3, 2, type == 'C3D20'), part_volume, part_area)
+               call integrate(model%coordinates(:, connectivity(:, e)), merge(3, 2, type == 'C3D20'), part_volume, &
+                  & part_square, part_area)
+               if (n == 20) eight(connectivity(:, e)) = .false.
                do m = 1, n
                   associate (node => connectivity(m, e))
                      volume(node) = volume(node) + part_volume(m)
+                     square(node) = square(node) + part_square(m)
                      area(:, node) = area(:, node) + part_area(:, m)
                      size_of_area(node) = size_of_area(node) + norm2(part_area(:, m))
                   end associate
                end do
             end do
-            deallocate (part_volume, part_area)
+            deallocate (part_volume, part_square, part_area)
          end associate
       end do
+      where (.not. eight) square = 0.0_wp
    end subroutine node_volumes
 
    !> The integrals of one brick.
-   pure subroutine integrate(x, points, volume, area)
+   pure subroutine integrate(x, points, volume, square, area)
       !> (3, 8 or 20) m
       real(wp), intent(in) :: x(:, :)
       !> Gauss points along each edge, 2 or 3
       integer, intent(in) :: points
-      !> (nodes) int N dV; (3, nodes) int grad N dV
-      real(wp), intent(out) :: volume(:), area(:, :)
-      real(wp) :: at(3), weight(3), value(size(x, 2)), gradient(3, size(x, 2)), jacobian(3, 3), cofactor(3, 3), w
+      !> (nodes) int N dV and int N^2 dV; (3, nodes) int grad N dV
+      real(wp), intent(out) :: volume(:), square(:), area(:, :)
+      real(wp) :: at(3), weight(3), value(size(x, 2)), gradient(3, size(x, 2)), jacobian(3, 3), cofactor(3, 3), w, w_det
       integer :: i, j, k
 
       at = [-sqrt(0.6_wp), 0.0_wp, sqrt(0.6_wp)]
@@ -88,6 +95,7 @@ contains
          weight(:2) = 1.0_wp
       end if
       volume = 0.0_wp
+      square = 0.0_wp
       area = 0.0_wp
       do k = 1, points
          do j = 1, points
@@ -99,7 +107,9 @@ contains
                cofactor(:, 1) = cross_product(jacobian(:, 2), jacobian(:, 3))
                cofactor(:, 2) = cross_product(jacobian(:, 3), jacobian(:, 1))
                cofactor(:, 3) = cross_product(jacobian(:, 1), jacobian(:, 2))
-               volume = volume + w*dot_product(jacobian(:, 1), cofactor(:, 1))*value
+               w_det = w*dot_product(jacobian(:, 1), cofactor(:, 1))
+               volume = volume + w_det*value
+               square = square + w_det*value**2
                area = area + w*matmul(cofactor, gradient)
             end do
          end do

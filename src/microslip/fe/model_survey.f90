@@ -29,6 +29,8 @@ module microslip_fe_model_survey
    real(wp), parameter :: smallest_area = 0.01_wp
    !> What the best lambda and mu may leave of P_i, as a part of it, where a node counts as in one isotropic material.
    real(wp), parameter :: largest_misfit = 0.02_wp
+   !> Two ratios of entries of the mass are the same.
+   real(wp), parameter :: same_ratio = 1.0e-4_wp
 
    type :: model_survey_t
       !> (nodes) whether an element of the mesh uses the node, whether it has all three rows, whether all its neighbours have
@@ -49,6 +51,9 @@ module microslip_fe_model_survey
       integer :: first_missing(2) = 0, first_foreign(2) = 0, first_mass_alone(2) = 0
       !> (nodes) Pa, 1, kg/m^3; 0 where the node does not show it
       real(wp), allocatable :: young(:), poisson(:), density(:)
+      !> (nodes) whether the diagonal entry of the mass is that of a consistent mass matrix whose diagonal is counted twice,
+      !> 2 D_i/(V_i + D_i) of the row's sum (nodes of 8-node bricks in one material)
+      logical, allocatable :: doubled(:)
       !> kg, m: mass that the rows have along x, y, z; its centre
       real(wp) :: mass(3) = 0.0_wp, centre(3) = 0.0_wp
       !> m^3
@@ -191,22 +196,30 @@ contains
    subroutine measure_material(model, survey)
       type(fe_model_t), intent(in) :: model
       type(model_survey_t), intent(inout) :: survey
-      real(wp), allocatable :: volume(:), area(:, :), size_of_area(:)
+      real(wp), allocatable :: volume(:), square(:), area(:, :), size_of_area(:)
       logical, allocatable :: measured(:)
       real(wp) :: lambda, mu, misfit
       integer :: a, c, n
 
       n = model%node_count()
-      call node_volumes(model, volume, area, size_of_area, measured)
+      call node_volumes(model, volume, square, area, size_of_area, measured)
       allocate (survey%young(n), survey%poisson(n), survey%density(n), source=0.0_wp)
+      allocate (survey%doubled(n), source=.false.)
       survey%volume = sum(volume)
       do a = 1, n
-         survey%mass = survey%mass + [(sum(survey%sums%mass(:, c, a)), c=1, 3)]
-         do c = 1, 3
-            survey%centre = survey%centre + survey%sums%mass(c, c, a)*model%coordinates(:, a)
-         end do
+         associate (m => survey%sums%mass(:, :, a))
+            ! A node without elements whose mass depends on the direction stands for rotations of a rigid body.
+            if (.not. survey%in_element(a) .and. m(1, 1)**2 + m(2, 2)**2 + m(3, 3)**2 - m(1, 1)*m(2, 2) - m(2, 2)*m(3, 3) &
+               & - m(3, 3)*m(1, 1) > rounding_of_entries*sum(m**2)) cycle
+            survey%mass = survey%mass + [(sum(m(:, c)), c=1, 3)]
+            survey%centre = survey%centre + (m(1, 1) + m(2, 2) + m(3, 3))*model%coordinates(:, a)
+         end associate
          if (.not. (survey%inner(a) .and. measured(a))) cycle
-         survey%density(a) = sum([(survey%sums%mass(c, c, a), c=1, 3)])/(3.0_wp*volume(a))
+         associate (m => survey%sums%mass(:, :, a))
+            survey%density(a) = (m(1, 1) + m(2, 2) + m(3, 3))/(3.0_wp*volume(a))
+            if (square(a) > 0.0_wp) survey%doubled(a) = abs(survey%sums%mass_diagonal(1, a)*(volume(a) + square(a)) &
+               & - 2.0_wp*m(1, 1)*square(a)) <= same_ratio*abs(m(1, 1))*volume(a)
+         end associate
          if (survey%grounded(a) .or. norm2(area(:, a)) < smallest_area*size_of_area(a)) cycle
          call fit_constants(survey%sums%gradient(:, :, :, a), area(:, a), lambda, mu, misfit)
          if (misfit > largest_misfit .or. mu <= 0.0_wp .or. lambda + mu <= 0.0_wp) cycle

@@ -49,7 +49,7 @@ contains
       do k = 1, size(nodes_a)
          if (taken(nodes_b(match(k))) /= 0) then
             call bad_input(error, node_text(model, taken(nodes_b(match(k))))//' and '// &
-               node_text(model, nodes_a(k))//' of side A lie at the same place')
+               node_text(model, nodes_a(k))//' of side A lie at the same place: two bodies on one side need an interface each')
             return
          end if
          taken(nodes_b(match(k))) = nodes_a(k)

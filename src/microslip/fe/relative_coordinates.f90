@@ -14,7 +14,7 @@ module microslip_fe_relative_coordinates
    implicit none(type, external)
    private
 
-   public :: relative_coordinates_t, new_relative_coordinates
+   public :: relative_coordinates_t, new_relative_coordinates, check_interface_nodes
 
    !> The transformation T, row by row.
    type :: relative_coordinates_t
@@ -40,9 +40,9 @@ contains
       integer, allocatable :: rows(:, :), interface_of(:), pair_of(:)
       integer :: k, j
 
-      rows = model%rows_of_nodes()
-      call check_nodes(model, interfaces, rows, error)
+      call check_interface_nodes(model, interfaces, error)
       if (allocated(error)) return
+      rows = model%rows_of_nodes()
 
       allocate (coordinates%boundary_rows(0), interface_of(model%node_count()), pair_of(model%node_count()))
       interface_of = 0
@@ -54,29 +54,34 @@ contains
       call fill_rows(model, interfaces, rows, interface_of, pair_of, coordinates)
    end subroutine new_relative_coordinates
 
-   !> Every node at most once in all interfaces; side A free in all three components.
-   subroutine check_nodes(model, interfaces, rows, error)
+   !> A node of side A is in no other interface, and free in all three components; one of side B is free or supported, and may
+   !> be on side B of several interfaces.
+   subroutine check_interface_nodes(model, interfaces, error)
       type(fe_model_t), intent(in) :: model
       type(contact_interface_t), intent(in) :: interfaces(:)
-      !> (3, nodes)
-      integer, intent(in) :: rows(:, :)
       type(error_t), allocatable, intent(out) :: error
+      !> (nodes) interface of which a node is on side A; negative: on side B
       integer, allocatable :: used_in(:)
+      integer, allocatable :: rows(:, :)
       integer :: k, j, c, side, node
 
+      rows = model%rows_of_nodes()
       allocate (used_in(model%node_count()), source=0)
       do k = 1, size(interfaces)
          do j = 1, interfaces(k)%pair_count()
+            ! A node of side A moves with its partner: its own displacement is given up. Several may follow one partner.
             do side = 1, 2
                node = merge(interfaces(k)%node_a(j), interfaces(k)%node_b(j), side == 1)
                if (node == 0) cycle
-               if (used_in(node) > 0) then
+               if (used_in(node) == 0) then
+                  used_in(node) = merge(k, -k, side == 1)
+               else if (side == 1 .or. used_in(node) > 0) then
                   call bad_input(error, 'interface "'//interfaces(k)%name//'": node '// &
                                  to_text(model%node_label(node))//' is used twice (also in interface "'// &
-                                 interfaces(used_in(node))%name//'")')
+                                 interfaces(abs(used_in(node)))%name//'"): only side B may share nodes with the sides B of '// &
+                                 'other interfaces. Exchange the sides of one of them, or leave the node out of one')
                   return
                end if
-               used_in(node) = k
             end do
             node = interfaces(k)%node_a(j)
             do c = 1, 3
@@ -96,7 +101,7 @@ contains
             end do
          end do
       end do
-   end subroutine check_nodes
+   end subroutine check_interface_nodes
 
    !> What to do about a node of side A without a row.
    function side_advice(model, node_b, component) result(text)
