@@ -73,7 +73,17 @@ contains
       if (allocated(error)) return
       call check(error, index(lib%message, 'is supported') > 0 .and. index(lib%message, 'lumped mass') > 0, lib%message)
       if (allocated(error)) return
-      deallocate (lib)
+      ! The same elements as other ones: solids couple masses, springs do not.
+      model%other_elements = model%elements
+      deallocate (model%elements)
+      model%other_elements(1)%type = 'C3D15'
+      call base_load(model, [0.0_wp, 0.0_wp, 1.0_wp], load, lib)
+      call check(error, allocated(lib), 'a wedge at the support')
+      if (allocated(error)) return
+      model%other_elements(1)%type = 'SPRINGA'
+      call base_load(model, [0.0_wp, 0.0_wp, 1.0_wp], load, lib)
+      call good(error, lib)
+      if (allocated(error)) return
       rows = [(k, k=1, model%row_count())]
       lumped = 0.7_wp
       model%mass = from_triplets(size(rows), rows, rows, spread(lumped, 1, size(rows)))

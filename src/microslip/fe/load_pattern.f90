@@ -99,6 +99,12 @@ contains
             in_mesh(pack(model%elements(k)%connectivity, .true.)) = .true.
          end do
       end if
+      if (allocated(model%other_elements)) then
+         do k = 1, size(model%other_elements)
+            if (couples_mass(model%other_elements(k)%type)) &
+               in_mesh(pack(model%other_elements(k)%connectivity, .true.)) = .true.
+         end do
+      end if
       allocate (translation(model%row_count()), source=0.0_wp)
       do c = 1, 3
          if (abs(unit_direction(c)) <= epsilon(1.0_wp)) cycle
@@ -114,6 +120,16 @@ contains
       call model%mass%multiply(translation, load)
       load = -load
    end subroutine base_load
+
+   !> Whether elements of a type that is no brick can couple the mass of their nodes: springs and the like do not.
+   pure logical function couples_mass(type)
+      character(len=*), intent(in) :: type
+      character(len=*), parameter :: without(9) = [character(len=7) :: 'MASS', 'ROTARYI', 'SPRING', 'DASHPOT', 'GAP', 'DCOUP', &
+         'CONN', 'JOINTC', 'R3D']
+      integer :: k
+
+      couples_mass = .not. any([(index(type, trim(without(k))) == 1, k=1, size(without))])
+   end function couples_mass
 
    !> Whether a matrix has entries beside the diagonal.
    pure logical function couples(matrix)
