@@ -46,6 +46,7 @@ program main
    use test_fe_reduction, only: collect_fe_reduction
    use test_fe_relative_coordinates, only: collect_fe_relative_coordinates
    use test_fe_shape_functions, only: collect_fe_shape_functions
+   use test_fe_unit_guess, only: collect_fe_unit_guess
    use test_halfspace_compliance, only: collect_halfspace_compliance
    use test_halfspace_convolution, only: collect_halfspace_convolution
    use test_halfspace_coupling, only: collect_halfspace_coupling
@@ -140,6 +141,7 @@ program main
       & new_testsuite('fe_interface', collect_fe_interface), &
       & new_testsuite('fe_load_pattern', collect_fe_load_pattern), &
       & new_testsuite('fe_mid_sides', collect_fe_mid_sides), &
+      & new_testsuite('fe_unit_guess', collect_fe_unit_guess), &
       & new_testsuite('fe_model_survey', collect_fe_model_survey), &
       & new_testsuite('fe_pairing', collect_fe_pairing), &
       & new_testsuite('fe_reduction', collect_fe_reduction), &

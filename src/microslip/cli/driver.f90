@@ -5,8 +5,8 @@ module microslip_cli_driver
    use microslip_cli_coupling_report, only: check_mesh, report_mesh
    use microslip_cli_demand, only: check_demand, check_grids, check_reading, estimate_demand, in_words, memory_estimate
    use microslip_cli_file_guard, only: file_guard_t
-   use microslip_cli_log, only: log_t, warnings_in_words
-   use microslip_cli_model_report, only: report_model
+   use microslip_cli_log, only: listed, log_t, warnings_in_words
+   use microslip_cli_model_report, only: report_model, report_tied
    use microslip_cli_restart, only: examine_results, open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
@@ -21,6 +21,7 @@ module microslip_cli_driver
    use microslip_core_version, only: program_version
    use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_model, only: fe_model_t
+   use microslip_fe_reduction, only: craig_bampton_massless
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
    use microslip_io_checkpoint, only: end_checkpoints
@@ -139,6 +140,7 @@ contains
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       call report_elements(run%log, run%scene%model)
       call report_model(run%log, run%scene)
+      if (line%check) call report_tied(run%log, run%scene)
       if (line%check .or. line%verbose) call report_scene(run%log, run%case, run%scene, run%demand)
       do k = 1, size(run%scene%pads)
          if (line%check .or. line%verbose .or. allocated(run%scene%pads(k)%filter)) &
@@ -173,6 +175,8 @@ contains
          return
       end if
       call reduce_model(run, error)
+      if (.not. allocated(error) .and. run%case%reduction%method == craig_bampton_massless) call run%log%line( &
+         & 'tied frequencies, Hz:'//listed(run%reduced%frequency(:min(6, size(run%reduced%frequency)))))
       ! Now the number of time steps is known.
       if (.not. allocated(error)) then
          before = memory_estimate(run%demand)

@@ -1,18 +1,25 @@
 !> What an engineer checks first of a model: size, mass, centre, material as mesh and matrices show it, what holds it.
 module microslip_cli_model_report
-   use microslip_cli_log, only: log_t
-   use microslip_cli_scene, only: scene_t
+   use microslip_cli_log, only: listed, log_t
+   use microslip_cli_scene, only: contact_interfaces, scene_t
+   use microslip_cli_scene_report, only: reduction_seconds
+   use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_fe_model, only: row_dependent, row_supported, row_unknown
    use microslip_fe_model_survey, only: median
+   use microslip_fe_reduced_model, only: reduced_model_t
+   use microslip_fe_reduction, only: craig_bampton_massless, reduce, reduction_options_t
    implicit none(type, external)
    private
 
-   public :: report_model
+   public :: report_model, report_tied
 
    !> Lengths below are told in mm, m.
    real(wp), parameter :: shown_in_mm = 10.0_wp
+   !> s, that `--check` takes for the tied frequencies at most; how many are told.
+   real(wp), parameter :: cheap = 2.0_wp
+   integer, parameter :: shown_modes = 6
    !> Values that differ by less than this part of each other are told as one.
    real(wp), parameter :: one_value = 0.5_wp
 
@@ -81,6 +88,32 @@ contains
       end function constraints
 
    end subroutine report_model
+
+   !> Print the first frequencies with all interfaces tied, where they cost next to nothing.
+   subroutine report_tied(log, scene)
+      type(log_t), intent(in) :: log
+      type(scene_t), intent(in) :: scene
+      type(reduction_options_t) :: options
+      type(reduced_model_t) :: reduced
+      type(error_t), allocatable :: error
+      real(wp) :: seconds
+      integer :: k
+
+      seconds = reduction_seconds(scene)
+      if (seconds > cheap) then
+         call log%line('tied frequencies: computed in the run (about '//to_text(seconds, 2)//' s; --check takes up to '// &
+            & to_text(cheap)//' s for them)')
+         return
+      end if
+      options%method = craig_bampton_massless
+      options%modes = min(shown_modes, scene%model%row_count() - sum([(scene%pads(k)%boundary_count(), k=1, size(scene%pads))]))
+      call reduce(scene%model, contact_interfaces(scene), scene%patterns(:, :0), options, reduced, error)
+      if (allocated(error)) then
+         call log%line('tied frequencies: none, '//error%message)
+      else
+         call log%line('tied frequencies, Hz:'//listed(reduced%frequency(:options%modes)))
+      end if
+   end subroutine report_tied
 
    !> Without what rounding leaves of zero.
    pure real(wp) function rounded(value)

@@ -9,12 +9,13 @@ module microslip_cli_plausibility
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_model_survey, only: median, model_survey_t
    use microslip_fe_unit_guess, only: guess_modulus_unit, guess_stored_units, guess_unit_keys, is_material, is_usual
+   use microslip_fe_selection, only: node_text
    use microslip_io_case, only: case_t, interface_case_t
    use microslip_system_pad, only: pad_t
    implicit none(type, external)
    private
 
-   public :: check_units, check_pad, check_sizes
+   public :: check_units, check_pad, check_sizes, check_base
 
    !> kg/m^3: balsa to osmium.
    real(wp), parameter :: density_range(2) = [500.0_wp, 23000.0_wp]
@@ -28,6 +29,8 @@ module microslip_cli_plausibility
    real(wp), parameter :: smallest_pressure = 1.0e3_wp, yield_pressure = 2.0e9_wp, largest_pressure = 1.0e11_wp
    !> Amplitudes over the diagonal of the structure: beyond what linear elastic bodies do; beyond the structure itself.
    real(wp), parameter :: large_motion = 0.1_wp
+   !> Force under a translation, as a part of the sum of the sizes of its terms, that is not rounding.
+   real(wp), parameter :: held_by_more = 1.0e-4_wp
    !> m/s^2, of a base: 10 000 g.
    real(wp), parameter :: largest_acceleration = 1.0e5_wp
 
@@ -180,6 +183,26 @@ contains
          text = 'are the coordinates of the file in m?'
       end if
    end function length_hint
+
+   !> A moving base: the structure must be free of forces when all rows move alike.
+   subroutine check_base(case, model, survey, warnings)
+      type(case_t), intent(in) :: case
+      type(fe_model_t), intent(in) :: model
+      type(model_survey_t), intent(in) :: survey
+      type(warning_list_t), intent(inout) :: warnings
+      logical, allocatable :: held(:)
+      integer :: k
+
+      held = survey%away .and. .not. survey%grounded .and. survey%held > held_by_more
+      if (.not. any(held)) return
+      do k = 1, size(case%loads)
+         if (case%loads(k)%kind /= 'base') cycle
+         call warnings%add(severity_wrong, "load '"//trim(case%loads(k)%name)//"': when all rows move alike, forces act on "// &
+            & to_text(count(held))//' nodes away from supports, first '//node_text(model, findloc(held, .true., 1))// &
+            & ': rows that are rotations of a rigid body, or a constraint that a translation breaks; M r is not the inertia ' &
+            & //'force of a moving base then')
+      end do
+   end subroutine check_base
 
    !> Loads and amplitudes against the size of the structure and of the pads.
    subroutine check_sizes(case, model, pads, warnings)

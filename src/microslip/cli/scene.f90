@@ -1,6 +1,6 @@
 !> From the records of a case to the objects that compute: FE model, pads, force patterns. Nothing is solved here.
 module microslip_cli_scene
-   use microslip_cli_plausibility, only: check_pad, check_sizes, check_units
+   use microslip_cli_plausibility, only: check_base, check_pad, check_sizes, check_units
    use microslip_cli_surface_input, only: read_surface, surface_record_t
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
@@ -126,6 +126,7 @@ contains
       call warn_of_left_out(scene)
       call check_units(case, scene%survey, scene%warnings)
       call check_sizes(case, scene%model, scene%pads, scene%warnings)
+      call check_base(case, scene%model, scene%survey, scene%warnings)
       call check_modes(case, scene, error)
       if (.not. allocated(error)) call build_patterns(case, scene, error)
       allocate (scene%tables(size(case%excitations)))

@@ -16,7 +16,7 @@ module microslip_cli_scene_report
    implicit none(type, external)
    private
 
-   public :: report_scene, report_elements
+   public :: report_scene, report_elements, reduction_seconds
 
    !> Rates that the time estimates rest on: dense and sparse factorisation, memory traffic of one core.
    real(wp), parameter :: dense_rate = 3.0e10_wp, sparse_rate = 5.0e9_wp, memory_rate = 5.0e9_wp
@@ -88,14 +88,13 @@ contains
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
       type(demand_t), intent(in) :: demand
-      real(wp) :: boundary, unknowns, entries, seconds
+      real(wp) :: boundary, unknowns, seconds
       logical :: fft
 
       boundary = boundary_count(scene)
       unknowns = expected_unknowns(case, scene)
-      entries = factor_entries(scene)
       fft = uses_fft(case, scene)
-      seconds = 40.0_wp*entries*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate + boundary**3/dense_rate
+      seconds = reduction_seconds(scene)
       if (fft) then
          seconds = seconds + fft_products*(boundary**2*8.0_wp/memory_rate + unknowns/fft_rate)
       else
@@ -111,6 +110,14 @@ contains
          & //to_text(case%settling%periods)//' periods of mode '//to_text(case%settling%mode))
       call report_modal(log, case)
    end subroutine report_cost
+
+   !> What the reduction takes, s, as an order of magnitude.
+   real(wp) function reduction_seconds(scene)
+      type(scene_t), intent(in) :: scene
+
+      reduction_seconds = 40.0_wp*factor_entries(scene)*real(scene%model%row_count(), wp)**(1.0_wp/3.0_wp)/sparse_rate &
+         & + boundary_count(scene)**3/dense_rate
+   end function reduction_seconds
 
    !> How long the time integration will be, and what is measured under a sine.
    subroutine report_transient(log, case, scene)
