@@ -161,8 +161,9 @@ class Scene:
                                 stderr=subprocess.PIPE, preexec_fn=preexec or limits(),
                                 env={k: v for k, v in settings.items() if v is not None})
 
-    def finish(self, process, began=None, text=None):
-        began = began or time.monotonic()
+    def finish(self, process, text=None, ends_early=False):
+        """Wait for the end. `ends_early`: a signal may end it before it begins."""
+        began = time.monotonic()
         try:
             out, err = process.communicate(text, timeout=TIME_LIMIT)
             status = process.returncode
@@ -171,7 +172,7 @@ class Scene:
             out, err = process.communicate()
             status = -99
         outcome = Outcome(status, ((out or b"") + (err or b"")).decode(errors="replace"), time.monotonic() - began)
-        if outcome.fault():
+        if outcome.fault() and not (ends_early and -16 < outcome.status < 0):
             self.faults.append(outcome.fault())
         return outcome
 
