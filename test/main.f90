@@ -31,7 +31,9 @@ program main
    use test_system_node_contact, only: collect_system_node_contact
    use test_io_fclib, only: collect_io_fclib
    use test_contact_any_compliance, only: collect_contact_any_compliance
+   use test_contact_cold_starts, only: collect_contact_cold_starts
    use test_contact_matrix_free, only: collect_contact_matrix_free
+   use test_contact_soft_directions, only: collect_contact_soft_directions
    use test_contact_solvers, only: collect_contact_solvers
    use test_contact_stress, only: collect_contact_stress
    use test_contact_without_friction, only: collect_contact_without_friction
@@ -131,8 +133,10 @@ program main
       & new_testsuite('system_node_contact', collect_system_node_contact), &
       & new_testsuite('io_fclib', collect_io_fclib), &
       & new_testsuite('contact_any_compliance', collect_contact_any_compliance), &
+         & new_testsuite('contact_cold_starts', collect_contact_cold_starts), &
       & new_testsuite('contact_matrix_free', collect_contact_matrix_free), &
-      & new_testsuite('contact_solvers', collect_contact_solvers), &
+      & new_testsuite('contact_soft_directions', collect_contact_soft_directions), &
+         & new_testsuite('contact_solvers', collect_contact_solvers), &
       & new_testsuite('contact_stress', collect_contact_stress), &
       & new_testsuite('contact_without_friction', collect_contact_without_friction), &
       & new_testsuite('fe_condensation', collect_fe_condensation), &

@@ -29,6 +29,11 @@ contains
       same%r_0 = problem%r_0
       same%friction = problem%friction
       same%velocity_level = problem%velocity_level
+      if (allocated(problem%soft)) then
+         same%soft = problem%soft
+         same%soft_drive = problem%soft_drive
+         same%soft_0 = problem%soft_0
+      end if
       allocate (same%compliance, source=dense_compliance_t(G=problem%G))
    end function with_operator
 

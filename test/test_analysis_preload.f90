@@ -3,8 +3,8 @@
 module test_analysis_preload
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: choose_potential_set
-   use microslip_analysis_preload, only: frictionless_preload, preload_options_t, preload_record_t, run_preload, &
-      & static_problem
+   use microslip_analysis_preload, only: frictionless_preload, preload_options_t, preload_record_t, run_preload
+   use microslip_analysis_statics, only: static_problem
    use microslip_contact_factory, only: contact_options_t
    use microslip_contact_frictionless, only: solve_frictionless
    use microslip_contact_laws, only: state_open, state_slip, state_stick

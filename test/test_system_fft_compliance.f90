@@ -3,7 +3,8 @@
 module test_system_fft_compliance
    use microslip_analysis_linear_modes, only: stuck_stiffness
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload, static_problem
+   use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
+   use microslip_analysis_statics, only: static_problem
    use microslip_contact_condensed, only: condensed_solver_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_contact_laws, only: state_open

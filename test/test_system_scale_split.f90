@@ -2,7 +2,8 @@
 !> potential contact set, and the identity C_s + W^T F_s W = C on a disc inside a pad.
 module test_system_scale_split
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_preload, only: preload_record_t, static_problem
+   use microslip_analysis_preload, only: preload_record_t
+   use microslip_analysis_statics, only: static_problem
    use microslip_contact_factory, only: contact_options_t
    use microslip_contact_problem, only: contact_problem_t, gap_of
    use microslip_core_error, only: error_t

@@ -12,7 +12,9 @@ Every folder holds case files, their inputs and `expected.json`, which lists eve
       "warnings": 0,                    how many warnings the result file holds (if given)
       "values": [{                      datasets of the result file
         "dataset": "linear_modes/frequency",
-        "take": "first",                first (as many as expected), last, max, min, mean, range, count: of all numbers (NaN left out)
+        "part": [[5, 10], [0, 40]],     rows, columns, ... of the dataset, first and behind the last (if not all of it)
+        "take": "first",                first (as many as expected), last, max, min, mean, range, count, share (of what is above 0):
+                                        of all numbers (NaN left out)
         "expected": [34106.7, 36828.0],
         "relative": 1e-6}],             or "absolute"
       "options": ["--check"],           more arguments
@@ -41,7 +43,7 @@ HERE = Path(__file__).resolve().parent
 TAKE = {"first": lambda values, n: values[:n], "last": lambda values, n: values[-n:],
         "max": lambda values, n: [values.max()], "min": lambda values, n: [values.min()],
         "mean": lambda values, n: [values.mean()], "range": lambda values, n: [np.ptp(values)],
-        "count": lambda values, n: [values.size]}
+        "count": lambda values, n: [values.size], "share": lambda values, n: [np.mean(values > 0)]}
 
 
 def make_matrices(folder):
@@ -61,7 +63,7 @@ def value_faults(result, rows):
             if row["dataset"] not in file:
                 yield f"{row['dataset']} is missing"
                 continue
-            values = np.asarray(file[row["dataset"]][()], dtype=float).ravel()
+            values = np.asarray(file[row["dataset"]][tuple(slice(*part) for part in row.get("part", []))], dtype=float).ravel()
             values = values[~np.isnan(values)]
             expected = np.atleast_1d(np.asarray(row["expected"], dtype=float))
             found = np.asarray(TAKE[row.get("take", "first")](values, expected.size))

@@ -4,7 +4,8 @@
 !> without friction, plus a margin. Leaving out is verified by the analyses afterwards; where points had to join, the
 !> state an analysis started from is carried over to the wider set.
 module microslip_analysis_potential_set
-   use microslip_analysis_preload, only: preload_options_t, static_problem, static_modal, frictionless_preload
+   use microslip_analysis_preload, only: preload_options_t, frictionless_preload
+   use microslip_analysis_statics, only: static_problem, static_modal
    use microslip_contact_laws, only: state_open
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, gap_of
    use microslip_core_error, only: error_t, failure
@@ -46,7 +47,7 @@ contains
       do round = 1, 30
          call system%restrict(potential, error)
          if (allocated(error) .or. all(potential)) return
-         call static_problem(system, options%loads, problem, response, error)
+         call static_problem(system, options%loads, problem, response, error, split=.true.)
          if (allocated(error)) return
          allocate (closed(problem%n_points), source=.true.)
          allocate (force(problem%n_points), slope(size(system%pads), size(options%loads)))

@@ -1,8 +1,6 @@
 !> Preload: static equilibrium under loads that are scaled until every interface carries its normal force.
 !>
-!> Statics of the reduced model with d_i eliminated (METHOD section 4):
-!>     d_i = Khat^-1 (load_modal a + R^T lambda),   gap = -h + R_a a + G_static lambda,
-!>     G_static = G + R Khat^-1 R^T,   R_a = W^T F f_b + R Khat^-1 load_modal
+!> Statics of the reduced model with d_i eliminated (`microslip_analysis_statics`).
 !> Friction has a memory: the loads are applied in the given number of steps, each one an equilibrium. The
 !> load amplitudes are found by Broyden's method on the interface forces, started from the frictionless
 !> contact. Normal contact in statics is on gap level.
@@ -11,15 +9,16 @@
 !> place of lambda. Energies then count from the undeformed state.
 module microslip_analysis_preload
    use microslip_analysis_operating_state, only: operating_state_t
+   use microslip_analysis_statics, only: static_modal, static_problem
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
    use microslip_contact_condensed, only: condensed_solver_t
-   use microslip_contact_factory, only: contact_options_t, new_contact_solver
-   use microslip_contact_frictionless, only: solve_frictionless, solve_frictionless_by_operator
+   use microslip_contact_factory, only: contact_options_t, knows_soft, new_contact_solver
+   use microslip_contact_frictionless, only: solve_beside_soft, solve_frictionless, solve_frictionless_by_operator
    use microslip_contact_laws, only: state_open
    use microslip_contact_matrix_free, only: matrix_free_solver_t
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, &
-      & new_state, gap_of, friction_work
-   use microslip_core_error, only: error_t, failure, bad_input
+      & new_state, gap_of, free_gap, friction_work, settled_amplitude
+   use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, product_of, solve_general
@@ -27,7 +26,7 @@ module microslip_analysis_preload
    implicit none(type, external)
    private
 
-   public :: preload_options_t, preload_record_t, run_preload, static_problem, static_modal, frictionless_preload
+   public :: preload_options_t, preload_record_t, run_preload, frictionless_preload
 
    !> Relative accuracy of the interface forces.
    real(wp), parameter :: force_tolerance = 1.0e-9_wp
@@ -63,71 +62,6 @@ module microslip_analysis_preload
 
 contains
 
-   !> Contact problem of the statics, its drivers are the amplitudes of `loads`; `response` = Khat^-1 [loads, R^T].
-   subroutine static_problem(system, loads, problem, response, error)
-      type(jointed_system_t), intent(in) :: system
-      integer, intent(in) :: loads(:)
-      type(contact_problem_t), intent(out) :: problem
-      !> (modes, loads + 3 points)
-      real(wp), allocatable, intent(out) :: response(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: factor(:, :), still(:, :)
-      real(wp) :: held(system%n_loads)
-      integer :: n, m, k
-
-      n = 3*system%problem%n_points
-      m = size(loads)
-      factor = system%stiffness
-      call cholesky_factor(factor, error)
-      if (allocated(error)) then
-         call bad_input(error, 'the structure can move freely while its interfaces carry no force: '// &
-            & 'it needs supports, or bolts that hold it, for a static preload')
-         return
-      end if
-      allocate (response(system%n_modes, m + n))
-      response(:, :m) = system%load_modal(:, loads)
-      response(:, m + 1:) = transpose(system%problem%R(:, :system%n_modes))
-      call cholesky_solve(factor, response)
-
-      problem%n_points = system%problem%n_points
-      problem%friction = system%problem%friction
-      problem%r_0 = system%problem%r_0
-      held = system%held
-      held(loads) = 0.0_wp
-      if (any(held /= 0.0_wp)) then
-         still = reshape(matmul(system%load_modal, held), [system%n_modes, 1])
-         call cholesky_solve(factor, still)
-         problem%r_0 = problem%r_0 + matmul(system%problem%R, [still(:, 1), held])
-      end if
-      if (allocated(system%problem%compliance)) then
-         call system%static_compliance(factor, problem%compliance)
-      else
-         problem%G = system%problem%G
-         call product_of(system%problem%R(:, :system%n_modes), response(:, m + 1:), problem%G, keep=1.0_wp)
-         do k = 1, n
-            problem%G(k, :k - 1) = problem%G(:k - 1, k)
-         end do
-      end if
-      allocate (problem%R(n, m))
-      problem%R = system%problem%R(:, system%n_modes + loads) &
-         & + matmul(system%problem%R(:, :system%n_modes), response(:, :m))
-   end subroutine static_problem
-
-   !> d_i of the statics under load amplitudes and contact forces, (modes).
-   pure function static_modal(system, response, amplitude, force) result(modal)
-      type(jointed_system_t), intent(in) :: system
-      !> (modes, loads + 3 points) of `static_problem`
-      real(wp), intent(in) :: response(:, :)
-      !> (loads)
-      real(wp), intent(in) :: amplitude(:)
-      !> (3, points) N
-      real(wp), intent(in) :: force(:, :)
-      real(wp) :: modal(size(response, 1))
-
-      modal = matmul(response(:, :size(amplitude)), amplitude) &
-         & + matmul(response(:, size(amplitude) + 1:), reshape(force - system%initial_force(), [size(force)]))
-   end function static_modal
-
    !> Load amplitudes and closed points of the frictionless preload.
    subroutine frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
       type(jointed_system_t), intent(in) :: system
@@ -145,7 +79,7 @@ contains
       !> (pads, loads) derivative of the interface forces by the amplitudes, N
       real(wp), intent(out) :: slope(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: G(:, :), R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:)
+      real(wp), allocatable :: G(:, :), R(:, :), sensitivity(:, :), step(:, :), matrix(:, :), r_0(:), soft(:, :), soft_free(:, :)
       type(closed_system_t) :: normal
       real(wp) :: deviation(size(system%pads)), wanted
       integer :: trial
@@ -155,11 +89,18 @@ contains
       wanted = force_tolerance
       if (allocated(problem%compliance)) then
          wanted = rough_force_tolerance
-         call normal%set_up(problem%compliance, problem%friction, spread(state_frictionless, 1, problem%n_points))
+         call normal%set_up(problem%compliance, problem%friction, spread(state_frictionless, 1, problem%n_points), problem%soft)
          call normal%learn(problem%compliance, error)
          if (allocated(error)) return
       else
          G = problem%G(1::3, 1::3)
+      end if
+      if (allocated(problem%soft)) then
+         soft = problem%soft(1::3, :)
+         allocate (soft_free(size(soft, 2), 1 + size(amplitude)))
+         soft_free(:, 2:) = problem%soft_drive
+      else
+         allocate (soft_free(0, 1 + size(amplitude)))
       end if
       force = 0.0_wp
       allocate (sensitivity(size(force), size(amplitude)))
@@ -169,13 +110,14 @@ contains
             ! First guess: all points closed and the surface flat, one load for all interfaces.
             call tied_guess(system, problem, normal, share*options%interface_force, amplitude, error)
             if (allocated(error)) return
-            closed = r_0 + matmul(R, amplitude) < 0.0_wp
+            closed = free_normal_gap(problem, amplitude) < 0.0_wp
          end if
+         if (allocated(soft)) soft_free(:, 1) = problem%soft_0 + matmul(problem%soft_drive, amplitude)
          if (allocated(problem%compliance)) then
             call solve_frictionless_by_operator(problem%compliance, normal, r_0 + matmul(R, amplitude), R, closed, force, &
-               & sensitivity, error)
+               & sensitivity, error, soft_free)
          else
-            call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error)
+            call solve_frictionless(G, r_0 + matmul(R, amplitude), R, closed, force, sensitivity, error, soft, soft_free)
          end if
          if (allocated(error)) return
          slope = sums_over_pads(system, sensitivity)
@@ -195,6 +137,16 @@ contains
       call failure(error, 'preload: the interface forces cannot be reached without friction')
    end subroutine frictionless_preload
 
+   !> Normal gaps without contact forces, (points), m.
+   pure function free_normal_gap(problem, amplitude) result(gap)
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), intent(in) :: amplitude(:)
+      real(wp) :: gap(problem%n_points), whole(3*problem%n_points)
+
+      whole = free_gap(problem, amplitude)
+      gap = whole(1::3)
+   end function free_normal_gap
+
    !> Amplitudes that would give the interface forces if all points were closed on a flat surface.
    subroutine tied_guess(system, problem, normal, target_force, amplitude, error)
       type(jointed_system_t), intent(in) :: system
@@ -204,11 +156,16 @@ contains
       real(wp), intent(in) :: target_force(:)
       real(wp), intent(out) :: amplitude(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: factor(:, :), x(:, :), step(:, :), matrix(:, :)
+      real(wp), allocatable :: factor(:, :), x(:, :), step(:, :), matrix(:, :), V(:, :), z(:, :)
 
+      if (allocated(problem%soft)) then
+         z = problem%soft_drive
+      else
+         allocate (z(0, size(amplitude)))
+      end if
       if (allocated(problem%compliance)) then
          allocate (x, mold=problem%R)
-         call normal%solve_columns(problem%compliance, -problem%R, x, error)
+         call normal%solve_columns(problem%compliance, -problem%R, x, error, balance=z)
          if (allocated(error)) return
          x = x(1::3, :)
       else
@@ -220,6 +177,11 @@ contains
          end if
          x = -problem%R(1::3, :)
          call cholesky_solve(factor, x)
+         if (allocated(problem%soft)) then
+            V = problem%soft(1::3, :)
+            call solve_beside_soft(factor, V, x, z, error)
+            if (allocated(error)) return
+         end if
       end if
       matrix = sums_over_pads(system, x)
       step = reshape(target_force, [size(target_force), 1])
@@ -262,7 +224,7 @@ contains
       real(wp) :: share
       integer :: step, n
 
-      call static_problem(system, options%loads, problem, response, error)
+      call static_problem(system, options%loads, problem, response, error, split=knows_soft(contact))
       if (allocated(error)) return
       n = size(options%loads)
       allocate (amplitude(n), source=0.0_wp)
@@ -287,7 +249,7 @@ contains
       do step = 1, options%steps
          share = real(step, wp)/options%steps
          if (allocated(options%scale)) amplitude = share*options%scale
-         call load_step(system, problem, options, share, slope, solver, now, amplitude, record, error)
+         call load_step(system, problem, options, contact, share, slope, solver, now, amplitude, record, error)
          if (allocated(error)) return
          ! The next step starts from the straight line through the last two.
          force = amplitude
@@ -298,10 +260,12 @@ contains
    end subroutine run_preload
 
    !> One load step: contact with friction at the amplitudes that give the wanted interface forces.
-   subroutine load_step(system, problem, options, share, slope, solver, now, amplitude, record, error)
+   subroutine load_step(system, problem, options, contact, share, slope, solver, now, amplitude, record, error)
       type(jointed_system_t), intent(in) :: system
       type(contact_problem_t), intent(in) :: problem
       type(preload_options_t), intent(in) :: options
+      type(contact_options_t), intent(in) :: contact
+      !> Part of the load that is applied
       real(wp), intent(in) :: share
       !> (pads, loads) approximate derivative of the interface forces, improved on return
       real(wp), intent(inout) :: slope(:, :)
@@ -329,8 +293,8 @@ contains
          record%error_estimate = solved%error_estimate
          if (.not. solved%converged) then
             call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
-               & ' of the largest force after '//to_text(solved%iterations)// &
-               & " iterations); more load steps (steps in &preload) or another solver (compliance = 'fft' in &contact) may help")
+               & ' of the largest force after '//to_text(solved%iterations)//' iterations); '// &
+               & what_may_help(problem, options, contact, solved))
             return
          end if
          record%interface_force = system%interface_forces(trial_state%force)
@@ -360,6 +324,24 @@ contains
       now = trial_state
    end subroutine load_step
 
+   !> What a contact that did not converge may need and does not have yet.
+   function what_may_help(problem, options, contact, solved) result(text)
+      type(contact_problem_t), intent(in) :: problem
+      type(preload_options_t), intent(in) :: options
+      type(contact_options_t), intent(in) :: contact
+      type(solve_record_t), intent(in) :: solved
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (solved%iterations >= contact%max_iterations) text = 'a larger max_iterations in &contact (now '// &
+         & to_text(contact%max_iterations)//'), '
+      if (any(problem%friction > 0.0_wp)) text = text//'more load steps (steps in &preload, now '//to_text(options%steps)//'), '
+      if (all(contact%solver /= [character(len=17) :: 'condensed', 'matrix_free'])) text = text// &
+         & "solver = 'condensed' in &contact, "
+      if (contact%solver == 'matrix_free') text = text//"compliance = 'dense' in &contact, "
+      text = text//'or a larger tolerance in &contact (now '//to_text(contact%tolerance, 2)//') may help'
+   end function what_may_help
+
    !> Work of the loads' free gap on the contact forces and friction loss of one load step, trapezoidal.
    subroutine book_energy(problem, before, after, amplitude, record)
       type(contact_problem_t), intent(in) :: problem
@@ -374,7 +356,7 @@ contains
          record%friction_loss = record%friction_loss + friction_work(after%status(p), problem%friction(p), before%force(1, p), &
             & after%force(:, p), slip(2:3, p))
       end do
-      moved = matmul(problem%R, amplitude - before%q)
+      moved = free_gap(problem, amplitude) - free_gap(problem, before%q)
       record%work = record%work - 0.5_wp*dot_product(reshape(before%force + after%force, [size(after%force)]), moved)
    end subroutine book_energy
 
@@ -402,7 +384,7 @@ contains
       state%contact = now
       state%contact%q = [state%modal, state%amplitude]
       ! Points outside the solver's base set know their normal gap only.
-      gap = gap_of(problem, now%q, now%force)
+      gap = gap_of(problem, now%q, now%force, settled_amplitude(problem, now))
       do p = 1, problem%n_points
          if (now%status(p) == state_open) then
             state%contact%gap(:, p) = gap(:, p)
@@ -411,8 +393,8 @@ contains
                & (local(p)*maxval(now%force)))
          end if
       end do
-      record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(problem%r_0 + matmul(problem%R, now%q), [3, problem%n_points]))) &
-         & + 0.5_wp*sum(system%initial_force()*reshape(problem%r_0, [3, problem%n_points]))
+      record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(free_gap(problem, now%q), [3, problem%n_points]))) &
+         & + 0.5_wp*sum(system%initial_force()*reshape(free_gap(problem, 0.0_wp*now%q), [3, problem%n_points]))
    end subroutine finish
 
 end module microslip_analysis_preload

@@ -14,7 +14,7 @@ module microslip_analysis_settling
    use microslip_analysis_excitation, only: excitation_t, kind_half_sine
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: carry_over, potential_points
-   use microslip_analysis_preload, only: static_problem
+   use microslip_analysis_statics, only: static_problem
    use microslip_analysis_transient, only: run_transient, sample_t, transient_options_t, transient_record_t, &
       & transient_recorder_t
    use microslip_contact_factory, only: contact_options_t, new_contact_solver

@@ -13,7 +13,7 @@
 !> and the work of alpha, by trapezoids over the steps, is compared with their sum.
 module microslip_analysis_static_path
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_preload, only: static_problem
+   use microslip_analysis_statics, only: static_problem
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
    use microslip_contact_laws, only: state_open
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, contact_solver_t, solve_record_t, gap_of

@@ -5,6 +5,13 @@
 !>     gap_n,o  = gap_n,o,ref + N (q - q_ref) + T x          o: points outside, whose force is zero
 !>     R_A^T force_A = stiffness q - S^T y                   y = gap_A - r_0,A, stiffness = R_A^T S
 !> with T = G_n,oA M and N = R_n,o + G_n,oA S. S, N and T are kept by point (transposed).
+!>
+!> Soft directions of the problem (G + V V^T in place of G, R + V D in place of R) go through their own small matrices, for
+!> their digits are not those of G. With M_0 = G_AA^-1:
+!>     H = (I + V_A^T M_0 V_A)^-1,    M V_A = M_0 V_A H,    M = M_0 - M V_A (M_0 V_A)^T,    V_A^T M V_A = I - H
+!>     E = V_o^T - V_A^T T^T = H V_o^T - (M V_A)^T G_A,o
+!> No difference of large numbers is left in what follows from them, however soft the directions are.
+!>
 !> Points enter by bordering M with their Schur complement and
 !> leave by the reverse; both keep M symmetric, and where a probe finds it inaccurate M is factorised anew.
 !>
@@ -48,11 +55,15 @@ module microslip_contact_base_set
       real(wp), allocatable :: slope(:, :), slope_outside(:, :)
       !> (outputs, 3 inside) -outputs_A^T M
       real(wp), allocatable :: output_slope(:, :)
+      !> (outputs, directions) -outputs_A^T M V_A
+      real(wp), allocatable :: output_soft(:, :)
       !> (drivers, drivers) R_A^T S and (outputs, drivers) outputs_A^T S
       real(wp), allocatable :: stiffness(:, :), output_stiffness(:, :)
       !> Number of groups, and (inside) the group of each point
       integer :: groups = 1
       integer, allocatable :: group(:)
+      !> (3 inside, directions) M V_A; (directions, directions) H; (directions, outside) E; (directions, drivers) V_A^T S
+      real(wp), allocatable :: soft(:, :), soft_rest(:, :), soft_outside(:, :), soft_slope(:, :)
       !> (rank, 3 inside) Z^T and (rank groups, rank groups) C, N/m
       real(wp), allocatable :: basis(:, :), coupling(:, :)
       !> What the operators of the last factorisation missed (`missed`)
@@ -72,7 +83,7 @@ contains
       !> Points of the base set
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: cross(:, :), M(:, :)
+      real(wp), allocatable :: cross(:, :), M(:, :), soft(:, :), soft_rest(:, :)
       integer, allocatable :: rows(:)
       real(wp) :: missed_now
 
@@ -83,19 +94,56 @@ contains
          error%message = 'contact compliance G is not positive definite on the closed points: '//error%message
          return
       end if
-      missed_now = missed(M, problem, points)
+      call soften(problem, rows, M, soft, soft_rest, error)
+      if (allocated(error)) return
+      missed_now = missed(M, soft, problem, points)
       if (.not. missed_now <= singular_missed) then
          call failure(error, 'contact compliance G is singular to working precision on the closed points: its inverse misses '// &
-            & to_text(missed_now, 2))
+            & to_text(missed_now, 2)//' (at most '//to_text(singular_missed, 2)//' may be missed)')
          return
       end if
       self%missed_at_first = missed_now
       call partition(self, problem%n_points, points)
       call move_alloc(M, self%M)
+      call move_alloc(soft, self%soft)
+      call move_alloc(soft_rest, self%soft_rest)
       cross = problem%G(rows, 3*self%outside - 2)
       self%T_t = multiply(self%M, cross)
+      if (size(self%soft, 2) > 0) then
+         cross = problem%soft(3*self%outside - 2, :)
+         call product_of(self%soft, cross, self%T_t, transpose_b=.true., keep=1.0_wp)
+      end if
       call update_slopes(self, problem)
    end subroutine build
+
+   !> M_0 becomes M, by the soft directions of the problem.
+   subroutine soften(problem, rows, M, soft, soft_rest, error)
+      type(contact_problem_t), intent(in) :: problem
+      !> Unknowns of the base set
+      integer, intent(in) :: rows(:)
+      real(wp), intent(inout), contiguous :: M(:, :)
+      !> M V_A and H; no directions where the problem has none
+      real(wp), allocatable, intent(out) :: soft(:, :), soft_rest(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: V(:, :), stiff(:, :)
+      integer :: k
+
+      if (.not. allocated(problem%soft)) then
+         allocate (soft(size(rows), 0), soft_rest(0, 0))
+         return
+      end if
+      V = problem%soft(rows, :)
+      stiff = multiply(M, V)
+      soft_rest = matmul(transpose(V), stiff)
+      do k = 1, size(soft_rest, 1)
+         soft_rest(k, k) = soft_rest(k, k) + 1.0_wp
+      end do
+      call inverse_spd(soft_rest, error)
+      if (allocated(error)) return
+      soft = multiply(stiff, soft_rest)
+      call product_of(soft, stiff, M, transpose_b=.true., factor=-1.0_wp, keep=1.0_wp)
+      call mirror_upper(M)
+   end subroutine soften
 
    !> Points join the base set (they are placed last, in the given order).
    subroutine enter(self, problem, points, error)
@@ -103,7 +151,8 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: cross(:, :), U(:, :), U_t(:, :), schur(:, :), US(:, :), M(:, :), T_t(:, :), border(:, :)
+      real(wp), allocatable :: cross(:, :), U(:, :), U_t(:, :), schur(:, :), US(:, :), M(:, :), T_t(:, :), border(:, :), &
+         & V(:, :), left(:, :)
       integer, allocatable :: rows(:), new(:), kept(:)
       integer :: n, k, j
 
@@ -117,8 +166,19 @@ contains
       k = size(new)
       cross = problem%G(rows, new)
       U = multiply(self%M, cross)
-      U_t = transpose(U)
-      schur = problem%G(new, new) - multiply(U_t, cross)
+      if (size(self%soft, 2) > 0) then
+         ! D = V_n H - G_nA M V_A: what is left of V_n when the base points hold still.
+         V = problem%soft(new, :)
+         left = matmul(V, self%soft_rest)
+         U_t = matmul(transpose(cross), self%soft)
+         schur = problem%G(new, new) - matmul(transpose(U), cross) - matmul(U_t, transpose(V)) + matmul(V, transpose(left - U_t))
+         left = left - U_t
+         call product_of(self%soft, V, U, transpose_b=.true., keep=1.0_wp)
+         U_t = transpose(U)
+      else
+         U_t = transpose(U)
+         schur = problem%G(new, new) - multiply(U_t, cross)
+      end if
       schur = 0.5_wp*(schur + transpose(schur))
       call invert_carrying(schur, can_carry(problem, points), error)
       if (allocated(error)) then
@@ -139,6 +199,7 @@ contains
       self%T_t = self%T_t(:, kept)
       border = transpose(cross)
       border = problem%G(new, 3*self%outside(kept) - 2) - multiply(border, self%T_t)
+      if (size(self%soft, 2) > 0) border = border + matmul(V, self%soft_outside(:, kept))
       border = multiply(schur, border)
       allocate (T_t(n + k, size(kept)))
       T_t(:n, :) = self%T_t - multiply(U, border)
@@ -146,6 +207,18 @@ contains
 
       call move_alloc(M, self%M)
       call move_alloc(T_t, self%T_t)
+      if (size(self%soft, 2) > 0) then
+         U_t = matmul(schur, left)
+         V = self%soft - multiply(U, U_t)
+         deallocate (self%soft)
+         allocate (self%soft(n + k, size(V, 2)))
+         self%soft(:n, :) = V
+         self%soft(n + 1:, :) = U_t
+         self%soft_rest = self%soft_rest - matmul(transpose(left), U_t)
+      else
+         deallocate (self%soft)
+         allocate (self%soft(n + k, 0))
+      end if
       call partition(self, problem%n_points, [self%inside, points])
       if (.not. is_accurate(self, problem)) then
          call self%build(problem, [self%inside], error)
@@ -160,7 +233,7 @@ contains
       type(contact_problem_t), intent(in) :: problem
       integer, intent(in) :: points(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: W(:, :), own(:, :), cross(:, :), M(:, :), T_t(:, :)
+      real(wp), allocatable :: W(:, :), own(:, :), cross(:, :), M(:, :), T_t(:, :), soft(:, :), held(:, :)
       integer, allocatable :: stay(:), gone(:), rows(:), outside(:)
       integer :: j, k
 
@@ -183,6 +256,13 @@ contains
       M = self%M(rows, rows)
       call product_of(cross, W, M, factor=-1.0_wp, keep=1.0_wp)
       call mirror_upper(M)
+      soft = self%soft(rows, :)
+      if (size(soft, 2) > 0) then
+         held = matmul(own, self%soft(gone, :))
+         soft = soft - multiply(cross, held)
+         self%soft_rest = self%soft_rest + matmul(transpose(self%soft(gone, :)), held)
+      end if
+      call move_alloc(soft, self%soft)
 
       outside = self%outside
       k = size(outside)
@@ -209,19 +289,22 @@ contains
    logical function is_accurate(self, problem)
       type(base_set_t), intent(in) :: self
       type(contact_problem_t), intent(in) :: problem
-      is_accurate = missed(self%M, problem, self%inside) <= max(most_missed, 10.0_wp*self%missed_at_first)
+      is_accurate = missed(self%M, self%soft, problem, self%inside) <= max(most_missed, 10.0_wp*self%missed_at_first)
    end function is_accurate
 
-   !> Largest |G_AA M x - x| in some rows that can carry force, for an x without pattern and |x| <= 1.
-   real(wp) function missed(M, problem, points)
-      !> G_AA^-1, N/m
+   !> Largest |(G + V V^T)_AA M x - x| in some rows that can carry force, for an x without pattern and |x| <= 1.
+   real(wp) function missed(M, soft, problem, points)
+      !> (G + V V^T)_AA^-1, N/m
       real(wp), intent(in), contiguous :: M(:, :)
+      !> M V_A
+      real(wp), intent(in), contiguous :: soft(:, :)
       type(contact_problem_t), intent(in) :: problem
       !> A
       integer, intent(in) :: points(:)
-      real(wp), allocatable :: x(:, :), Mx(:)
+      real(wp), allocatable :: x(:, :), Mx(:), along(:)
       integer, allocatable :: rows(:)
       logical, allocatable :: carries(:)
+      real(wp) :: found
       integer :: k
 
       missed = 0.0_wp
@@ -229,10 +312,13 @@ contains
       allocate (x(size(rows), 1), Mx(size(rows)))
       call fill_random(x)
       call product_symmetric(M, x(:, 1), Mx)
+      along = matmul(x(:, 1), soft)
       carries = can_carry(problem, points)
       do k = 1, size(rows), max(1, size(rows)/probed_rows)
          if (.not. carries(k)) cycle
-         missed = max(missed, abs(dot_product(problem%G(rows, rows(k)), Mx) - x(k, 1)))
+         found = dot_product(problem%G(rows, rows(k)), Mx)
+         if (size(along) > 0) found = found + dot_product(problem%soft(rows(k), :), along)
+         missed = max(missed, abs(found - x(k, 1)))
       end do
    end function missed
 
@@ -244,20 +330,47 @@ contains
 
       R_A = problem%R(unknowns(self%inside), :)
       S = -multiply(self%M, R_A)
+      if (size(self%soft, 2) > 0) call product_of(self%soft, problem%soft_drive, S, factor=-1.0_wp, keep=1.0_wp)
       R_A_t = transpose(R_A)
       self%slope = transpose(S)
       self%slope_outside = transpose(problem%R(3*self%outside - 2, :)) - multiply(R_A_t, self%T_t)
       self%stiffness = multiply(R_A_t, S)
+      call update_soft(self, problem, R_A)
       if (allocated(problem%outputs)) then
          outputs_A = problem%outputs(unknowns(self%inside), :)
          self%output_slope = -transpose(multiply(self%M, outputs_A))
+         self%output_soft = -matmul(transpose(outputs_A), self%soft)
          self%output_stiffness = matmul(transpose(outputs_A), S)
       else
          self%output_slope = reshape([real(wp) ::], [0, size(S, 1)])
+         self%output_soft = reshape([real(wp) ::], [0, size(self%soft, 2)])
          self%output_stiffness = reshape([real(wp) ::], [0, size(S, 2)])
       end if
       call update_coupling(self, problem)
    end subroutine update_slopes
+
+   !> What the soft directions do outside, and what they add to the slopes.
+   subroutine update_soft(self, problem, R_A)
+      class(base_set_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      !> (3 inside, drivers)
+      real(wp), intent(in), contiguous :: R_A(:, :)
+      real(wp), allocatable :: cross(:, :), V(:, :)
+
+      if (size(self%soft, 2) == 0) then
+         self%soft_outside = reshape([real(wp) ::], [0, size(self%outside)])
+         self%soft_slope = reshape([real(wp) ::], [0, size(R_A, 2)])
+         return
+      end if
+      V = problem%soft(3*self%outside - 2, :)
+      cross = problem%G(unknowns(self%inside), 3*self%outside - 2)
+      self%soft_outside = matmul(self%soft_rest, transpose(V))
+      call product_of(self%soft, cross, self%soft_outside, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
+      self%slope_outside = self%slope_outside + matmul(transpose(problem%soft_drive), self%soft_outside)
+      self%soft_slope = matmul(self%soft_rest, problem%soft_drive) - problem%soft_drive
+      call product_of(self%soft, R_A, self%soft_slope, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
+      self%stiffness = self%stiffness + matmul(transpose(problem%soft_drive), self%soft_slope)
+   end subroutine update_soft
 
    !> Groups of the base points and their coupling.
    subroutine update_coupling(self, problem)

@@ -10,13 +10,16 @@
 !>     J = E^T G (E + mu d n^T) + drag,   symmetric but for the friction that follows the normal force.
 !> Left-preconditioned GMRES, so that residuals are forces. The preconditioner is B of the operator restricted by E, with
 !> the structure's part, a few directions far above the rest, found by Lanczos and scaled away (`learn`).
+!>
+!> Soft directions that the problem keeps apart have an amplitude z each, J x + E^T V z = rhs, z = V^T (E + mu d n^T) x + s:
+!> one more solution for each direction, and a small system (`solve`).
 module microslip_contact_closed_system
    use microslip_contact_compliance_operator, only: contact_compliance_t
    use microslip_contact_laws, only: state_open, state_stick, state_slip
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_linalg_dense, only: eigen_symmetric, product_of
+   use microslip_linalg_dense, only: eigen_symmetric, product_of, solve_general
    implicit none(type, external)
    private
 
@@ -29,6 +32,8 @@ module microslip_contact_closed_system
    !> Of `solve_columns`: relative accuracy and most Krylov steps.
    real(wp), parameter :: column_accuracy = 1.0e-10_wp
    integer, parameter :: column_steps = 150
+   !> What soft directions are solved for to at least: their amplitudes follow from all of it.
+   real(wp), parameter :: soft_accuracy = 1.0e-6_wp
    !> Lanczos steps of `learn`.
    integer, parameter :: lanczos_steps = 60
 
@@ -45,12 +50,16 @@ module microslip_contact_closed_system
       real(wp), allocatable :: stiffness(:, :)
       !> (3 points, directions) what `learn` found, and 1 - 1/eigenvalue of each
       real(wp), allocatable, private :: learned(:, :), excess(:)
+      !> (3 points, directions) V
+      real(wp), allocatable, private :: soft(:, :)
    contains
       procedure :: set_up
       procedure :: apply
       procedure :: project
       procedure :: follow_friction
       procedure :: precondition
+      procedure :: along_soft
+      procedure :: add_soft_gap
       procedure :: solve
       procedure :: solve_columns
       procedure :: learn
@@ -59,14 +68,21 @@ module microslip_contact_closed_system
 contains
 
    !> A system with the given states and no slipping points yet.
-   subroutine set_up(self, compliance, friction, states)
+   subroutine set_up(self, compliance, friction, states, soft)
       class(closed_system_t), intent(out) :: self
       class(contact_compliance_t), intent(in) :: compliance
       !> (points)
       real(wp), intent(in) :: friction(:)
       !> (points) state_open, state_stick or state_frictionless
       integer, intent(in) :: states(:)
+      !> (3 points, directions) V; default: none
+      real(wp), intent(in), optional :: soft(:, :)
 
+      if (present(soft)) then
+         self%soft = soft
+      else
+         allocate (self%soft(3*size(states), 0))
+      end if
       self%states = states
       self%friction = friction
       self%stiffness = compliance%local_stiffness()
@@ -165,8 +181,77 @@ contains
       end do
    end subroutine precondition
 
+   !> V^T force, (directions).
+   pure function along_soft(self, force) result(along)
+      class(closed_system_t), intent(in) :: self
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp) :: along(size(self%soft, 2))
+
+      along = 0.0_wp
+      if (size(along) > 0) along = matmul(reshape(force, [size(force)]), self%soft)
+   end function along_soft
+
+   !> gap <- gap + V z.
+   pure subroutine add_soft_gap(self, z, gap)
+      class(closed_system_t), intent(in) :: self
+      !> (directions)
+      real(wp), intent(in) :: z(:)
+      !> (3, points) m
+      real(wp), intent(inout) :: gap(:, :)
+
+      if (size(z) > 0) gap = gap + reshape(matmul(self%soft, z), shape(gap))
+   end subroutine add_soft_gap
+
+   !> Solve J x + V z = rhs, z = V^T (E + mu d n^T) x + balance, from x = 0, to the accuracy of `solve_stiff`.
+   subroutine solve(self, compliance, rhs, accuracy, target, max_steps, x, steps, first, last, balance, z)
+      class(closed_system_t), intent(in) :: self
+      class(contact_compliance_t), intent(in) :: compliance
+      !> (3, points) m; its part in the range of E counts
+      real(wp), intent(in), contiguous :: rhs(:, :)
+      !> Relative, and N
+      real(wp), intent(in) :: accuracy, target
+      integer, intent(in) :: max_steps
+      !> (3, points) in the range of E, N
+      real(wp), intent(out), contiguous :: x(:, :)
+      integer, intent(out) :: steps
+      !> N, 2-norm of the preconditioned residual at the start and at the end
+      real(wp), intent(out) :: first, last
+      !> (directions) where there are any
+      real(wp), intent(in), optional :: balance(:)
+      real(wp), intent(out), optional :: z(:)
+      real(wp), dimension(size(self%soft, 2), size(self%soft, 2)) :: rest
+      real(wp) :: moved(size(rhs), size(self%soft, 2)), part(size(self%soft, 2), 1), own, left
+      real(wp), allocatable :: force(:, :), direction(:, :)
+      type(error_t), allocatable :: error
+      integer :: k, more
+
+      call solve_stiff(self, compliance, rhs, accuracy, target, max_steps, x, steps, first, last)
+      if (size(rest) == 0) return
+      allocate (direction, mold=x)
+      rest = 0.0_wp
+      do k = 1, size(rest, 1)
+         call solve_stiff(self, compliance, reshape(self%soft(:, k), shape(x)), min(accuracy, soft_accuracy), 0.0_wp, max_steps, &
+            & direction, more, own, left)
+         moved(:, k) = reshape(direction, [size(x)])
+         steps = steps + more
+         rest(k, k) = 1.0_wp
+         force = direction
+         call self%follow_friction(force)
+         rest(:, k) = rest(:, k) + self%along_soft(force)
+      end do
+      force = x
+      call self%follow_friction(force)
+      part(:, 1) = balance + self%along_soft(force)
+      call solve_general(rest, part, error)
+      z = 0.0_wp
+      if (allocated(error)) return
+      z = part(:, 1)
+      x = x - reshape(matmul(moved, z), shape(x))
+   end subroutine solve
+
    !> Solve J x = rhs by GMRES from x = 0 until |B (rhs - J x)| <= max(accuracy |B rhs|, target), or max_steps.
-   subroutine solve(self, compliance, rhs, accuracy, target, max_steps, x, steps, first, last)
+   subroutine solve_stiff(self, compliance, rhs, accuracy, target, max_steps, x, steps, first, last)
       class(closed_system_t), intent(in) :: self
       class(contact_compliance_t), intent(in) :: compliance
       !> (3, points) m; its part in the range of E counts
@@ -226,10 +311,10 @@ contains
       do i = 1, steps
          x = x + y(i)*basis(:, :, i)
       end do
-   end subroutine solve
+   end subroutine solve_stiff
 
-   !> Solve J X = rhs column by column.
-   subroutine solve_columns(self, compliance, rhs, x, error)
+   !> Solve J X + V Z = rhs, Z = V^T (E + mu d n^T) X + balance, column by column.
+   subroutine solve_columns(self, compliance, rhs, x, error, balance, z)
       class(closed_system_t), intent(in) :: self
       class(contact_compliance_t), intent(in) :: compliance
       !> (3 points, columns) m
@@ -238,14 +323,21 @@ contains
       real(wp), intent(out) :: x(:, :)
       !> Where it does not converge
       type(error_t), allocatable, intent(out) :: error
+      !> (directions, columns) where there are any directions
+      real(wp), intent(in), optional :: balance(:, :)
+      real(wp), intent(out), optional :: z(:, :)
       real(wp), allocatable :: one(:, :), solution(:, :)
+      real(wp), dimension(size(self%soft, 2)) :: given, found
       real(wp) :: first, last
       integer :: k, steps
 
       allocate (solution, mold=self%stiffness)
+      given = 0.0_wp
       do k = 1, size(rhs, 2)
          one = reshape(rhs(:, k), shape(solution))
-         call self%solve(compliance, one, column_accuracy, 0.0_wp, column_steps, solution, steps, first, last)
+         if (present(balance)) given = balance(:, k)
+         call self%solve(compliance, one, column_accuracy, 0.0_wp, column_steps, solution, steps, first, last, given, found)
+         if (present(z)) z(:, k) = found
          if (last > column_accuracy*first) then
             call failure(error, 'contact compliance: the iteration for stuck points does not converge (residual '// &
                & to_text(last/first, 2)//' after '//to_text(steps)//' steps)')

@@ -4,7 +4,7 @@
 !> their cone carry unknowns. Without friction a closed point has none either: it slides freely, and its
 !> tangential gap follows from the definition when it is asked for (`complete`). Newton with kept factors
 !> solves for the unknowns (`block_newton`), with block Gauss-Seidel as the rescue, or the paper's projected
-!> Jacobi with the sticking points eliminated.
+!> Jacobi with the sticking points eliminated. A step that both do not solve is solved in the contact forces (`rescue`).
 !> All others are looked at only where a bound says that their margin may be used up (`lookout`), and the
 !> forces on the structure come from what moved alone (`reference`): a step without slip costs what a
 !> linear system of the drivers costs.
@@ -21,6 +21,7 @@ module microslip_contact_condensed
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, book_step, &
       & count_states, friction_work, gap_of, gap_of_point
    use microslip_contact_reference, only: reference_t, moves_t
+   use microslip_contact_rescue, only: solve_by_forces
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -71,8 +72,10 @@ module microslip_contact_condensed
       integer, private :: steps_since_refresh = 0, refresh_due = first_refresh
       !> Largest contact force of the last step, and when all were last known, N
       real(wp), private :: last_scale = 0.0_wp, known_scale = 0.0_wp
-      !> Nothing but the state, which is complete, can be relied on: a step came to nothing
+      !> Nothing but the state, which is complete, can be relied on: a step came to nothing, or was solved in the forces
       logical, private :: lost = .false.
+      !> The rescue in the forces failed, and no step has converged since
+      logical, private :: beyond_rescue = .false.
    contains
       procedure :: start
       procedure :: advance
@@ -232,7 +235,7 @@ contains
 
       if (self%lost) call begin_with(self, problem, state, state%status /= state_open, error)
       if (self%lost) then
-         call book_step(problem, state, state, record)
+         call rescue(self, problem, q, state, record)
          return
       end if
       if (self%steps_since_refresh >= self%refresh_due) then
@@ -243,7 +246,7 @@ contains
       record%converged = .true.
       call shed_open_points(self, problem, state, record)
       if (self%lost) then
-         call book_step(problem, state, state, record)
+         call rescue(self, problem, q, state, record)
          return
       end if
       call begin_step(self, problem, q, state)
@@ -251,7 +254,7 @@ contains
       do round = 1, max_rounds
          scale = force_scale(self)
          call solve_blocks(self, scale, record)
-         hopeless = record%rescues >= most_rescues
+         hopeless = record%rescues >= most_rescues .or. (record%iterations >= self%max_iterations .and. .not. record%converged)
          if (hopeless) exit
          call evaluate_others(self%blocks, self%base%coupling)
          scale = force_scale(self)
@@ -266,7 +269,7 @@ contains
          if (.not. problem%velocity_level) closing = points_closing_soon(self, closing, q, state)
          call take_in(self, problem, closing, state, record)
          if (self%lost) then
-            call book_step(problem, state, state, record)
+            call rescue(self, problem, q, state, record)
             return
          end if
          call begin_step(self, problem, q, state)
@@ -275,16 +278,45 @@ contains
       record%converged = record%converged .and. .not. hopeless
       self%last_scale = force_scale(self)
       record%residual = maxval(self%blocks%residual)/self%last_scale
-      if (hopeless .or. .not. (record%converged .or. record%residual <= acceptable*self%tolerance)) then
-         ! Forces that break the laws would mislead the steps to come: the state stays as it was before the step.
-         call self%complete(problem, state)
-         self%lost = .true.
-         call book_step(problem, state, state, record)
-         return
+      if (hopeless .or. .not. record%converged) then
+         call rescue(self, problem, q, state, record)
+         if (record%converged .or. hopeless .or. .not. record%residual <= acceptable*self%tolerance) return
+         self%lost = .false.
       end if
+      self%beyond_rescue = self%beyond_rescue .and. .not. record%converged
       call commit(self, problem, q, state, spent, looked, record)
       if (.not. self%lazy) call self%complete(problem, state)
    end subroutine advance
+
+   !> Where the blocks do not get there: solve the step in the contact forces. If that fails too, the state stays as it was
+   !> before the step: forces that break the laws would mislead the steps to come.
+   subroutine rescue(self, problem, q, state, record)
+      class(condensed_solver_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), intent(in) :: q(:)
+      type(contact_state_t), intent(inout) :: state
+      type(solve_record_t), intent(inout) :: record
+      logical :: closed(problem%n_points)
+      integer :: a, g
+
+      call self%complete(problem, state)
+      closed = state%status /= state_open
+      if (.not. self%lost) then
+         do g = 1, size(self%blocks)
+            do a = 1, self%blocks(g)%columns
+               closed(self%base%inside(self%blocks(g)%place(a))) = self%blocks(g)%status(a) /= state_open
+            end do
+         end do
+      end if
+      self%lost = .true.
+      record%converged = .false.
+      if (.not. (self%by_jacobi .or. self%beyond_rescue)) call solve_by_forces(problem, self%base, self%tolerance, &
+         & self%max_iterations, q, closed, state, record)
+      self%beyond_rescue = .not. record%converged
+      if (.not. record%converged) call book_step(problem, state, state, record)
+      self%guess = 0.0_wp
+      self%last_increment = 0.0_wp
+   end subroutine rescue
 
    !> Predictions and start values of a step.
    subroutine begin_step(self, problem, q, state)
@@ -406,21 +438,25 @@ contains
       real(wp), intent(in) :: scale
       type(solve_record_t), intent(inout) :: record
       real(wp) :: residual, force_error
-      integer :: g, steps, sweeps, round
+      integer :: g, steps, sweeps, round, most
 
       if (count_columns(self%blocks) == 0) return
       if (self%by_jacobi) then
-         call solve_jacobi(self%blocks, self%base, self%tolerance, self%max_iterations, sweeps, record%error_estimate)
+         most = max(0, self%max_iterations - record%iterations)
+         call solve_jacobi(self%blocks, self%base, self%tolerance, most, sweeps, record%error_estimate)
          record%iterations = record%iterations + sweeps
          record%converged = record%error_estimate <= self%tolerance
          return
       end if
       do round = 1, rescue_rounds
+         most = max(0, self%max_iterations - record%iterations)
          call solve_newton(self%blocks, self%kept, self%base%coupling, scale, newton_share*self%tolerance*scale, &
-            & newton_steps, steps, residual, force_error)
+            & min(newton_steps, most), steps, residual, force_error)
          record%iterations = record%iterations + steps
          record%error_estimate = force_error/scale
          if (residual <= self%tolerance*scale .or. (round > patience .and. .not. residual <= scale)) exit
+         most = self%max_iterations - record%iterations
+         if (most <= 0) exit
          record%rescues = record%rescues + 1
          do g = 1, size(self%blocks)
             call self%kept(g)%drop()
@@ -428,7 +464,7 @@ contains
                if (.not. all(abs(block%x(:, :block%columns)) < huge(1.0_wp))) block%x = 0.0_wp
             end associate
          end do
-         call sweep_gauss_seidel(self%blocks, self%base%coupling, self%tolerance*scale, rescue_sweeps, sweeps, residual)
+         call sweep_gauss_seidel(self%blocks, self%base%coupling, self%tolerance*scale, min(rescue_sweeps, most), sweeps, residual)
          record%iterations = record%iterations + sweeps
       end do
       record%converged = residual <= self%tolerance*scale

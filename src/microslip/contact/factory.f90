@@ -11,7 +11,7 @@ module microslip_contact_factory
    implicit none(type, external)
    private
 
-   public :: contact_options_t, new_contact_solver, contact_solver_names
+   public :: contact_options_t, new_contact_solver, contact_solver_names, knows_soft
 
    !> Stick predictor with corrector; projected Jacobi of the paper, on all points and with the sticking points
    !> eliminated; block Gauss-Seidel and semismooth Newton on the forces, which take any compliance.
@@ -24,7 +24,7 @@ module microslip_contact_factory
       character(len=:), allocatable :: solver
       !> Wanted relative accuracy of the contact forces
       real(wp) :: tolerance = 1.0e-10_wp
-      !> Of the projected Jacobi, Gauss-Seidel and Newton, per step
+      !> Most iterations of a step: sweeps, Newton steps
       integer :: max_iterations = 100000
       !> Normal law on velocity level, as in the paper, instead of gap level
       logical :: velocity_level = .false.
@@ -60,6 +60,13 @@ contains
       solver%tolerance = options%tolerance
       solver%max_iterations = options%max_iterations
    end subroutine new_contact_solver
+
+   !> Whether the solver takes problems that keep soft directions apart.
+   pure logical function knows_soft(options)
+      type(contact_options_t), intent(in) :: options
+
+      knows_soft = any(options%solver == [character(len=17) :: 'condensed', 'jacobi_eliminated', 'matrix_free'])
+   end function knows_soft
 
    !> ', name' for each name, quoted.
    pure function list_of(names) result(text)

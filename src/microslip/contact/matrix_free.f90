@@ -6,11 +6,14 @@
 !> `closed_system_t` per step. If Newton cycles, friction limits are held and follow the normal forces in rounds; if
 !> that fails the step is approached in parts, each the start of the next. Friction remembers the state before the step all
 !> the way.
+!>
+!> Amplitudes z of soft directions (`microslip_contact_problem`) are unknowns: as the difference z_0 + D q + V^T force they would
+!> lose the digits that the gaps live on. Newton brings the two together.
 module microslip_contact_matrix_free
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
    use microslip_contact_laws, only: smallest_force, classify, law_residual, state_at_rest, state_open, state_stick, state_slip
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t, gap_of, &
-      & book_step
+      & book_step, free_gap, soft_amplitude
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    implicit none(type, external)
@@ -46,8 +49,10 @@ module microslip_contact_matrix_free
    type :: trial_t
       !> (3, points) N
       real(wp), allocatable :: force(:, :)
-      !> (3, points) r_0 + R q + G force, m
+      !> (3, points) r_0 + R q + G force + V z, m
       real(wp), allocatable :: gap(:, :)
+      !> (directions) z, and what z_0 + D q + V^T force - z is beyond its rounding
+      real(wp), allocatable :: z(:), balance(:)
       !> (points) contact states that forces and gaps select
       integer, allocatable :: status(:)
       !> Largest violation of the laws of a point, and the 2-norm over the points, N
@@ -57,15 +62,19 @@ module microslip_contact_matrix_free
    type, extends(contact_solver_t) :: matrix_free_solver_t
       !> (points) points expected to close in the first step
       logical, allocatable :: expected_closed(:)
+      !> Whether `start` solves for the stuck response; for a single step it does not pay
+      logical :: predicts = .true.
       !> (3, points) N: where a similar step led to; one of the starts of Newton
       real(wp), allocatable :: expected_force(:, :)
       type(closed_system_t), private :: system
       !> (3 points, drivers) forces and gaps per unit of the drivers while nothing slips, opens or closes
       real(wp), allocatable, private :: S(:, :), N(:, :)
-      !> (3, points) r_0 + R q + G force at the present state, m
-      real(wp), allocatable, private :: gap(:, :)
-      !> (3, points) what the last step had beyond the stick predictor: N and m
-      real(wp), allocatable, private :: force_beyond(:, :), gap_beyond(:, :)
+      !> (directions, drivers) and the amplitudes of soft directions
+      real(wp), allocatable, private :: Z_slope(:, :)
+      !> (3, points) r_0 + R q + G force + V z at the present state, m, and (directions) z
+      real(wp), allocatable, private :: gap(:, :), z(:)
+      !> (3, points) what the last step had beyond the stick predictor: N and m; (directions)
+      real(wp), allocatable, private :: force_beyond(:, :), gap_beyond(:, :), z_beyond(:)
       !> (points) friction limits while they are held (Tresca), N
       real(wp), allocatable, private :: limit(:)
       integer, private :: steps_since_refresh = 0
@@ -92,17 +101,18 @@ contains
       end if
       states = merge(state_stick, state_open, state%status /= state_open)
       if (allocated(self%expected_closed)) where (self%expected_closed) states = state_stick
-      call self%system%set_up(problem%compliance, problem%friction, system_states(problem, states))
-      if (allocated(self%S)) deallocate (self%S, self%N)
+      call self%system%set_up(problem%compliance, problem%friction, system_states(problem, states), problem%soft)
+      if (allocated(self%S)) deallocate (self%S, self%N, self%Z_slope)
       if (any(states == state_stick)) then
          call self%system%learn(problem%compliance, error)
          if (allocated(error)) return
       end if
       ! Where nothing carries force yet there is no sticking to predict from.
-      if (any(state%status /= state_open)) call solve_stuck_response(self, problem, error)
+      if (self%predicts .and. any(state%status /= state_open)) call solve_stuck_response(self, problem, error)
       if (allocated(error)) return
-      self%gap = gap_of(problem, state%q, state%force)
-      if (allocated(self%force_beyond)) deallocate (self%force_beyond, self%gap_beyond)
+      self%z = soft_amplitude(problem, state%q, state%force)
+      self%gap = gap_of(problem, state%q, state%force, self%z)
+      if (allocated(self%force_beyond)) deallocate (self%force_beyond, self%gap_beyond, self%z_beyond)
       self%steps_since_refresh = 0
    end subroutine start
 
@@ -122,18 +132,33 @@ contains
       type(contact_problem_t), intent(in) :: problem
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: x(3, problem%n_points), y(3, problem%n_points)
+      real(wp), allocatable :: drive(:, :)
       integer :: k
 
-      allocate (self%S(size(x), size(problem%R, 2)))
-      call self%system%solve_columns(problem%compliance, -problem%R, self%S, error)
+      drive = soft_drive(problem)
+      allocate (self%S(size(x), size(problem%R, 2)), self%Z_slope(size(drive, 1), size(problem%R, 2)))
+      call self%system%solve_columns(problem%compliance, -problem%R, self%S, error, drive, self%Z_slope)
       if (allocated(error)) return
       self%N = problem%R
+      if (size(drive) > 0) self%N = self%N + matmul(problem%soft, self%Z_slope)
       do k = 1, size(problem%R, 2)
          x = reshape(self%S(:, k), shape(x))
          call problem%compliance%product(x, y)
          self%N(:, k) = self%N(:, k) + reshape(y, [size(x)])
       end do
    end subroutine solve_stuck_response
+
+   !> D, without directions where nothing is kept apart, (directions, drivers).
+   pure function soft_drive(problem) result(drive)
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), allocatable :: drive(:, :)
+
+      if (allocated(problem%soft)) then
+         drive = problem%soft_drive
+      else
+         allocate (drive(0, size(problem%R, 2)))
+      end if
+   end function soft_drive
 
    !> Take the state to driver q.
    subroutine advance(self, problem, q, state, record)
@@ -148,7 +173,7 @@ contains
       real(wp) :: scale
 
       before = state
-      if (self%steps_since_refresh >= refresh_after) self%gap = gap_of(problem, state%q, state%force)
+      if (self%steps_since_refresh >= refresh_after) self%gap = gap_of(problem, state%q, state%force, self%z)
       if (self%steps_since_refresh >= refresh_after) self%steps_since_refresh = 0
       self%steps_since_refresh = self%steps_since_refresh + 1
       self%largest_scale = huge(1.0_wp)
@@ -168,6 +193,7 @@ contains
       record%error_estimate = error_of(self, problem, state, trial)/scale
       self%force_beyond = trial%force - stuck%force
       self%gap_beyond = trial%gap - stuck%gap
+      self%z_beyond = trial%z - stuck%z
       call commit(self, problem, q, trial, state)
       call book_step(problem, before, state, record)
       if (allocated(self%expected_force)) deallocate (self%expected_force)
@@ -185,10 +211,13 @@ contains
       if (allocated(self%S)) then
          trial%force = state%force + reshape(matmul(self%S, q - state%q), shape(state%force))
          trial%gap = self%gap + reshape(matmul(self%N, q - state%q), shape(state%force))
+         trial%z = self%z + matmul(self%Z_slope, q - state%q)
       else
          trial%force = state%force
-         trial%gap = self%gap + reshape(matmul(problem%R, q - state%q), shape(state%force))
+         trial%gap = self%gap + reshape(free_gap(problem, q) - free_gap(problem, state%q), shape(state%force))
+         trial%z = self%z + matmul(soft_drive(problem), q - state%q)
       end if
+      call weigh_balance(problem, q, trial)
       call judge(self, problem, state, trial)
    end subroutine predict
 
@@ -207,18 +236,47 @@ contains
       if (allocated(self%force_beyond)) then
          other%force = stuck%force + self%force_beyond
          other%gap = stuck%gap + self%gap_beyond
+         other%z = stuck%z + self%z_beyond
+         call weigh_balance(problem, q, other)
          call judge(self, problem, state, other)
          if (other%residual < trial%residual) trial = other
       end if
       if (allocated(self%expected_force)) then
          other%force = self%expected_force
-         other%gap = gap_of(problem, q, other%force)
+         call find_gap(problem, q, other)
          call judge(self, problem, state, other)
          if (other%residual < trial%residual) trial = other
       else if (allocated(self%expected_closed)) then
          trial%status = merge(state_stick, state_open, self%expected_closed)
       end if
    end subroutine choose_start
+
+   !> Amplitudes and gaps that follow from the forces of a trial.
+   subroutine find_gap(problem, q, trial)
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), intent(in) :: q(:)
+      type(trial_t), intent(inout) :: trial
+
+      trial%z = soft_amplitude(problem, q, trial%force)
+      trial%balance = 0.0_wp*trial%z
+      trial%gap = gap_of(problem, q, trial%force, trial%z)
+   end subroutine find_gap
+
+   !> What the amplitudes of a trial lack, beyond the rounding of the sums that they follow from.
+   subroutine weigh_balance(problem, q, trial)
+      type(contact_problem_t), intent(in) :: problem
+      real(wp), intent(in) :: q(:)
+      type(trial_t), intent(inout) :: trial
+      real(wp) :: rounding
+      integer :: k
+
+      trial%balance = soft_amplitude(problem, q, trial%force) - trial%z
+      do k = 1, size(trial%z)
+         rounding = sqrt(real(size(trial%force), wp))*epsilon(1.0_wp)*(abs(problem%soft_0(k)) &
+            & + sum(abs(problem%soft_drive(k, :)*q)) + sum(abs(problem%soft(:, k)*reshape(trial%force, [size(trial%force)]))))
+         if (abs(trial%balance(k)) <= rounding) trial%balance(k) = 0.0_wp
+      end do
+   end subroutine weigh_balance
 
    !> Contact states of a trial and how far it is from the laws.
    subroutine judge(self, problem, state, trial)
@@ -227,7 +285,7 @@ contains
       !> Before the step
       type(contact_state_t), intent(in) :: state
       type(trial_t), intent(inout) :: trial
-      real(wp) :: gap(3), violation(problem%n_points)
+      real(wp) :: gap(3), violation(problem%n_points), force_lacking
       integer :: p
 
       if (.not. allocated(trial%status)) allocate (trial%status(problem%n_points))
@@ -250,6 +308,12 @@ contains
       end do
       trial%residual = maxval(violation)
       trial%merit = norm2(violation)
+      ! What is out of balance would have to be carried by the points.
+      do p = 1, size(trial%z)
+         force_lacking = abs(trial%balance(p))/maxval(abs(problem%soft(:, p)))
+         trial%residual = max(trial%residual, force_lacking)
+         trial%merit = hypot(trial%merit, force_lacking)
+      end do
    end subroutine judge
 
    !> Normal gap and slip of a point in the step (on velocity level the normal gap's increment).
@@ -293,7 +357,7 @@ contains
       real(wp), intent(in) :: q(:)
       real(wp) :: gap(3, problem%n_points)
 
-      gap = reshape(problem%r_0 + matmul(problem%R, q), shape(gap))
+      gap = reshape(free_gap(problem, q), shape(gap))
       gap(2:3, :) = gap(2:3, :) - state%gap(2:3, :)
       scale = maxval(self%system%stiffness*abs(gap))
    end function unhindered_scale
@@ -312,7 +376,7 @@ contains
       type(solve_record_t), intent(inout) :: record
       logical, intent(in) :: hold
       type(trial_t) :: old
-      real(wp) :: dx(3, problem%n_points), rhs(3, problem%n_points), first, last, target, sharpness
+      real(wp) :: dx(3, problem%n_points), rhs(3, problem%n_points), dz(size(trial%z)), first, last, target, sharpness
       integer :: before(problem%n_points)
       integer :: step, krylov, settled
       logical :: holding
@@ -323,18 +387,22 @@ contains
       ! The Krylov method stops at the 2-norm of an even spread of errors; where they are not even it must go on.
       sharpness = 0.03_wp
       do step = 1, newton_steps
+         if (record%iterations >= self%max_iterations) return
          record%iterations = record%iterations + 1
          old = trial
          call linearise(self, problem, state, trial)
-         trial%gap = gap_of(problem, q, trial%force)
+         trial%gap = gap_of(problem, q, trial%force, trial%z)
+         call weigh_balance(problem, q, trial)
          call right_hand_side(self, problem, state, trial, rhs)
          target = sharpness*self%tolerance*force_scale(self, trial)*sqrt(real(max(1, count(trial%status /= state_open)), wp))
          call self%system%solve(problem%compliance, rhs, merge(fine, rough, all(trial%status == before)), target, &
-            & krylov_steps, dx, krylov, first, last)
+            & krylov_steps, dx, krylov, first, last, trial%balance, dz)
          before = trial%status
          call self%system%follow_friction(dx)
          trial%force = trial%force + dx
-         trial%gap = gap_of(problem, q, trial%force)
+         trial%z = trial%z + dz
+         trial%gap = gap_of(problem, q, trial%force, trial%z)
+         call weigh_balance(problem, q, trial)
          call judge(self, problem, state, trial)
          if (holding) then
             ! Closed points have no gap by construction: what the Krylov method left of it must not open them.
@@ -373,6 +441,8 @@ contains
          length = 0.5_wp**k
          part%force = old%force + length*(full%force - old%force)
          part%gap = old%gap + length*(full%gap - old%gap)
+         part%z = old%z + length*(full%z - old%z)
+         part%balance = old%balance + length*(full%balance - old%balance)
          call judge(self, problem, state, part)
          if (part%merit < trial%merit) trial = part
          if (trial%merit < (1.0_wp - 0.5_wp*length)*old%merit) return
@@ -440,7 +510,7 @@ contains
       integer :: parts, k
 
       parts = 1
-      do while (parts <= most_parts)
+      do while (parts <= most_parts .and. record%iterations < self%max_iterations)
          record%rescues = record%rescues + 1
          part%force = state%force
          do k = 1, parts
@@ -465,7 +535,7 @@ contains
       real(wp) :: last
       integer :: round
 
-      trial%gap = gap_of(problem, q, trial%force)
+      call find_gap(problem, q, trial)
       call judge(self, problem, state, trial)
       do round = 0, most_rounds
          last = trial%residual
@@ -523,6 +593,7 @@ contains
       state%force = trial%force
       state%status = trial%status
       call move_alloc(trial%gap, self%gap)
+      call move_alloc(trial%z, self%z)
    end subroutine commit
 
 end module microslip_contact_matrix_free

@@ -3,17 +3,24 @@
 !>     gap = r_0 + R q + G force          (paper eqs. (18)-(20), METHOD section 4)
 !>
 !> with the driver q: modal coordinates and load amplitudes in dynamics, load amplitudes in statics.
+!>
+!> A structure that is held by weak springs gives way, in a few directions V, many orders of magnitude more than the contact
+!> does. In one sum with the rest they would leave nothing of the digits of G, so they may be kept apart, as amplitudes z:
+!>     gap = r_0 + R q + G force + V z,    z = z_0 + D q + V^T force
 !> Solvers advance the state from one q to the next; they know nothing of structures or time.
 module microslip_contact_problem
    use microslip_contact_compliance_operator, only: contact_compliance_t
    use microslip_core_archive, only: archive_t
+   use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
    use microslip_contact_laws, only: state_open, state_stick, state_slip
+   use microslip_linalg_dense, only: solve_general
    implicit none(type, external)
    private
 
    public :: contact_problem_t, contact_state_t, solve_record_t, contact_solver_t
-   public :: new_state, gap_of, gap_of_point, count_states, contact_energy, book_step, friction_work
+   public :: new_state, gap_of, gap_of_point, free_gap, soft_amplitude, settled_amplitude, count_states, contact_energy
+   public :: book_step, friction_work
 
    !> The points in potential contact and their linear relation. Unknown order (n, t1, t2) per point.
    type :: contact_problem_t
@@ -35,6 +42,10 @@ module microslip_contact_problem
       real(wp), allocatable :: outputs(:, :)
       !> Normal law on velocity level, closed points only (the paper's option), instead of gap level
       logical :: velocity_level = .false.
+      !> V, (3 points, directions); not allocated: G and R hold everything
+      real(wp), allocatable :: soft(:, :)
+      !> D, (directions, drivers), and z_0, (directions)
+      real(wp), allocatable :: soft_drive(:, :), soft_0(:)
    end type contact_problem_t
 
    !> Where the contact is now.
@@ -177,18 +188,76 @@ contains
       call archive%pass(self%friction_loss)
    end subroutine pass_record
 
-   !> gap = r_0 + R q + G force at all points, (3, points).
-   function gap_of(problem, q, force) result(gap)
+   !> z = z_0 + D q + V^T force, (directions), none where nothing is kept apart.
+   pure function soft_amplitude(problem, q, force) result(z)
+      type(contact_problem_t), intent(in) :: problem
+      !> (drivers)
+      real(wp), intent(in) :: q(:)
+      !> (3, points) N
+      real(wp), intent(in) :: force(:, :)
+      real(wp), allocatable :: z(:)
+
+      if (allocated(problem%soft)) then
+         z = problem%soft_0 + matmul(problem%soft_drive, q) + matmul(reshape(force, [size(force)]), problem%soft)
+      else
+         z = [real(wp) ::]
+      end if
+   end function soft_amplitude
+
+   !> z of a state in equilibrium, (directions): that with which the gaps of its closed points agree best. Weak springs feel
+   !> nothing of a rigid motion that is no more than the rounding of the forces' sum; gaps do.
+   function settled_amplitude(problem, state) result(z)
+      type(contact_problem_t), intent(in) :: problem
+      type(contact_state_t), intent(in) :: state
+      real(wp), allocatable :: z(:)
+      real(wp), allocatable :: V(:, :), matrix(:, :), rhs(:, :), off(:, :)
+      type(error_t), allocatable :: error
+      logical :: known(3, problem%n_points)
+      integer, allocatable :: rows(:)
+      integer :: k
+
+      z = soft_amplitude(problem, state%q, state%force)
+      if (size(z) == 0) return
+      known = spread(state%status /= state_open, 1, 3)
+      rows = pack([(k, k=1, size(known))], reshape(known, [size(known)]))
+      V = problem%soft(rows, :)
+      off = state%gap - gap_of(problem, state%q, state%force, z)
+      rhs = matmul(transpose(V), reshape(pack(off, known), [size(rows), 1]))
+      matrix = matmul(transpose(V), V)
+      call solve_general(matrix, rhs, error)
+      if (.not. allocated(error)) z = z + rhs(:, 1)
+   end function settled_amplitude
+
+   !> What the gaps would be without contact forces, (3 points), m.
+   pure function free_gap(problem, q) result(gap)
+      type(contact_problem_t), intent(in) :: problem
+      !> (drivers)
+      real(wp), intent(in) :: q(:)
+      real(wp) :: gap(3*problem%n_points)
+
+      gap = problem%r_0 + matmul(problem%R, q)
+      if (allocated(problem%soft)) gap = gap + matmul(problem%soft, problem%soft_0 + matmul(problem%soft_drive, q))
+   end function free_gap
+
+   !> gap = r_0 + R q + G force + V z at all points, (3, points).
+   function gap_of(problem, q, force, z) result(gap)
       type(contact_problem_t), intent(in) :: problem
       !> (drivers)
       real(wp), intent(in) :: q(:)
       !> (3, points) N
       real(wp), intent(in), contiguous :: force(:, :)
+      !> (directions) where it is known better than as the difference that it is
+      real(wp), intent(in), optional :: z(:)
       real(wp), allocatable :: gap(:, :)
       real(wp), allocatable :: work(:)
       integer :: k, column
 
       work = problem%r_0 + matmul(problem%R, q)
+      if (present(z)) then
+         if (size(z) > 0) work = work + matmul(problem%soft, z)
+      else if (allocated(problem%soft)) then
+         work = work + matmul(problem%soft, soft_amplitude(problem, q, force))
+      end if
       if (allocated(problem%compliance)) then
          allocate (gap(3, problem%n_points))
          call problem%compliance%product(force, gap)
@@ -204,24 +273,27 @@ contains
       gap = reshape(work, [3, problem%n_points])
    end function gap_of
 
-   !> gap = r_0 + R q + G force of one point in the state.
+   !> gap = r_0 + R q + G force + V z of one point in the state.
    function gap_of_point(problem, state, point) result(gap)
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
       integer, intent(in) :: point
       real(wp) :: gap(3)
+      real(wp), allocatable :: z(:)
       integer :: c, k, p
 
+      if (allocated(problem%soft)) z = soft_amplitude(problem, state%q, state%force)
       do c = 1, 3
          k = 3*point - 3 + c
          gap(c) = problem%r_0(k) + dot_product(problem%R(k, :), state%q)
+         if (allocated(z)) gap(c) = gap(c) + dot_product(problem%soft(k, :), z)
          do p = 1, problem%n_points
             gap(c) = gap(c) + dot_product(problem%G(3*p - 2:3*p, k), state%force(:, p))
          end do
       end do
    end function gap_of_point
 
-   !> 1/2 force^T G force of a state in equilibrium, J (from G force = gap - r_0 - R q on the loaded points).
+   !> 1/2 force^T (G + V V^T) force of a state in equilibrium, J (from G force + V z = gap - r_0 - R q on the loaded points).
    pure real(wp) function contact_energy(problem, state)
       type(contact_problem_t), intent(in) :: problem
       type(contact_state_t), intent(in) :: state
@@ -235,6 +307,8 @@ contains
                & - dot_product(problem%R(3*p - 3 + c, :), state%q))
          end do
       end do
+      if (allocated(problem%soft)) contact_energy = contact_energy - 0.5_wp*dot_product(problem%soft_0 &
+         & + matmul(problem%soft_drive, state%q), matmul(reshape(state%force, [3*problem%n_points]), problem%soft))
    end function contact_energy
 
    !> Counts, reaction, outputs and energies of a step between two states that are known in full.
@@ -248,6 +322,8 @@ contains
 
       record%counts = count_states(after)
       record%reaction = matmul(reshape(after%force, [3*problem%n_points]), problem%R)
+      if (allocated(problem%soft)) record%reaction = record%reaction &
+         & + matmul(matmul(reshape(after%force, [3*problem%n_points]), problem%soft), problem%soft_drive)
       if (allocated(problem%outputs)) record%output = matmul(reshape(after%force, [3*problem%n_points]), problem%outputs)
       record%contact_energy = contact_energy(problem, after)
       record%friction_loss = 0.0_wp

@@ -5,6 +5,7 @@
 !> What a step must know of all points follows from sums over those that moved. With y = gap - r_0 on the base set:
 !>     R^T force       = stiffness q - h,                    h = S^T y
 !>     force^T G force = c + 2 q^T h - q^T stiffness q,      c = y^T M y
+!> Where the problem keeps soft directions apart, y = gap - r_0 - V z_0, and h and c are those of G + V V^T and R + V D.
 module microslip_contact_reference
    use microslip_contact_base_set, only: base_set_t
    use microslip_contact_block, only: contact_block_t
@@ -79,10 +80,28 @@ contains
       self%h = matmul(base%slope, y)
       self%h_output = matmul(base%output_slope, y)
       self%c = dot_product(y, My)
+      if (size(base%soft, 2) > 0) call shift_by_soft(self, problem, base, y)
       if (allocated(self%moved)) deallocate (self%moved, self%has_moved)
       allocate (self%moved(3, n), source=0.0_wp)
       allocate (self%has_moved(n), source=.false.)
    end subroutine take
+
+   !> The part of y that is -V z_0.
+   subroutine shift_by_soft(self, problem, base, y)
+      type(reference_t), intent(inout) :: self
+      type(contact_problem_t), intent(in) :: problem
+      type(base_set_t), intent(in) :: base
+      !> (3 inside) gap - r_0, m
+      real(wp), intent(in) :: y(:)
+
+      associate (z_0 => problem%soft_0)
+         self%force = self%force - reshape(matmul(base%soft, z_0), shape(self%force))
+         self%gap = self%gap + matmul(z_0, base%soft_outside)
+         self%h = self%h - matmul(z_0, base%soft_slope)
+         self%h_output = self%h_output - matmul(base%output_soft, z_0)
+         self%c = self%c - 2.0_wp*dot_product(z_0, matmul(y, base%soft)) + dot_product(z_0, z_0 - matmul(base%soft_rest, z_0))
+      end associate
+   end subroutine shift_by_soft
 
    !> Count from the present on: forces and gaps as they are at driver q, nothing has moved.
    subroutine move_up(self, q, force, gap)

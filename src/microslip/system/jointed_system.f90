@@ -247,17 +247,25 @@ contains
    end subroutine make_operator
 
    !> The compliance of statics where G is an operator: G + R Khat^-1 R^T, which is G with F + F K_bi Khat^-1 K_bi^T F.
-   subroutine static_compliance(self, factor, compliance)
+   !> With `root`, root root^T takes the place of Khat^-1.
+   subroutine static_compliance(self, factor, compliance, root)
       class(jointed_system_t), intent(in) :: self
       !> Cholesky factor of Khat
       real(wp), intent(in), contiguous :: factor(:, :)
       class(contact_compliance_t), allocatable, intent(out) :: compliance
+      !> (modes, columns)
+      real(wp), intent(in), optional :: root(:, :)
       real(wp), allocatable :: moved(:, :), response(:, :), flexibility(:, :)
 
       allocate (moved, mold=self%K_bi)
       call product_symmetric(self%flexibility, self%K_bi, moved)
-      response = transpose(moved)
-      call cholesky_solve(factor, response)
+      if (present(root)) then
+         moved = matmul(moved, root)
+         response = transpose(moved)
+      else
+         response = transpose(moved)
+         call cholesky_solve(factor, response)
+      end if
       flexibility = self%flexibility
       call product_of(moved, response, flexibility, keep=1.0_wp)
       select type (dynamic => self%problem%compliance)
