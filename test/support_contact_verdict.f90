@@ -8,7 +8,7 @@
 !>     closed points          k |u_n - gap_n of the state|, k |slip - slip of the state|
 module support_contact_verdict
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
-   use microslip_contact_laws, only: state_open
+   use microslip_contact_laws, only: state_open, state_slip
    use microslip_contact_problem, only: contact_problem_t, contact_solver_t, contact_state_t, gap_of, new_state, &
       & solve_record_t
    use microslip_core_error, only: error_t
@@ -160,12 +160,23 @@ contains
       type(solve_record_t), intent(in) :: record
       real(wp), intent(out) :: books, energy
       real(wp) :: gap(3, problem%n_points), old(3, problem%n_points), free(3, problem%n_points), loss
+      integer :: p
 
       gap = gap_of(problem, state%q, state%force)
       old = gap_of(problem, before%q, before%force)
       free = gap_of(problem, state%q, 0.0_wp*state%force)
       energy = 0.5_wp*sum(state%force*(gap - free))
-      loss = -sum(state%force(2:3, :)*(gap(2:3, :) - old(2:3, :)))
+      ! The friction force of a slipping point is at its limit all the way: trapezoids over the normal force.
+      loss = 0.0_wp
+      do p = 1, problem%n_points
+         associate (slip => gap(2:3, p) - old(2:3, p))
+            if (state%status(p) == state_slip) then
+               loss = loss + problem%friction(p)*0.5_wp*(before%force(1, p) + state%force(1, p))*norm2(slip)
+            else
+               loss = loss - dot_product(state%force(2:3, p), slip)
+            end if
+         end associate
+      end do
       books = max(abs(record%contact_energy - energy), abs(record%friction_loss - loss), -record%friction_loss)
       energy = max(abs(energy), abs(loss))
    end subroutine check_books
