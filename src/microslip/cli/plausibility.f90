@@ -216,9 +216,11 @@ contains
       size_of_all = norm2(maxval(model%coordinates, 2) - minval(model%coordinates, 2))
       if (allocated(case%preload%interface_force)) then
          do k = 1, min(size(pads), size(case%preload%interface_force))
-            call check_pressure(case%preload%interface_force(k), sum(pads(k)%grid%area), trim(pads(k)%contact%name), warnings)
+            call check_pressure('&preload: interface_force = '//to_text(case%preload%interface_force(k))//" N gives '"// &
+               & trim(pads(k)%contact%name)//"'", case%preload%interface_force(k), sum(pads(k)%grid%area), warnings)
          end do
       end if
+      call check_scaled_loads()
       if (case%runs('qsma')) then
          if (allocated(case%qsma%largest_amplitude)) call check_amplitude('&qsma: largest_amplitude', case%qsma%largest_amplitude)
          if (allocated(case%qsma%amplitudes)) call check_amplitude('&qsma: amplitudes', maxval(case%qsma%amplitudes))
@@ -237,6 +239,24 @@ contains
       end if
 
    contains
+
+      !> Loads of given sizes: together they press no harder on all pads than a joint bears.
+      subroutine check_scaled_loads()
+         real(wp) :: force, area
+         integer :: i, load
+
+         if (.not. allocated(case%preload%load_scale)) return
+         force = 0.0_wp
+         do i = 1, min(size(case%preload%load_scale), size(case%preload%loads))
+            load = case%find_load(case%preload%loads(i))
+            if (load == 0) cycle
+            if (case%loads(load)%kind == 'nodes') &
+               & force = force + abs(case%preload%load_scale(i))*sum(abs(case%loads(load)%size))
+         end do
+         area = sum([(sum(pads(i)%grid%area), i=1, size(pads))])
+         if (force > yield_pressure*area) call check_pressure('&preload: the loads times load_scale, '//to_text(force)// &
+            & ' N in all, give the interfaces', force, area, warnings)
+      end subroutine check_scaled_loads
 
       !> A displacement.
       subroutine check_amplitude(place, amplitude)
@@ -273,17 +293,17 @@ contains
 
    end subroutine check_sizes
 
-   !> The mean pressure of a pad under its preload.
-   subroutine check_pressure(force, area, name, warnings)
+   !> The mean pressure of pads under a force.
+   subroutine check_pressure(cause, force, area, warnings)
+      !> Begin of the message
+      character(len=*), intent(in) :: cause
       !> N, m^2
       real(wp), intent(in) :: force, area
-      character(len=*), intent(in) :: name
       type(warning_list_t), intent(inout) :: warnings
       character(len=:), allocatable :: found
 
       if (.not. area > 0.0_wp) return
-      found = "&preload: interface_force = "//to_text(force)//" N gives '"//name//"' a mean pressure of "// &
-         & to_text(force/area, 3)//' Pa'
+      found = cause//' a mean pressure of '//to_text(force/area, 3)//' Pa'
       if (force/area > largest_pressure) then
          call warnings%add(severity_wrong, found//', which nothing bears: are the units of force and mesh right?')
       else if (force/area > yield_pressure) then

@@ -19,15 +19,15 @@ module microslip_fe_matrix_check
    use microslip_core_text, only: to_text
    use microslip_core_warning_list, only: severity_doubtful, severity_note, warning_list_t
    use microslip_fe_model, only: fe_model_t
-   use microslip_fe_model_survey, only: median, model_survey_t, rounding_of_entries
+   use microslip_fe_model_survey, only: median, model_survey_t, rounding_of_entries, stressed_rotation
    implicit none(type, external)
    private
 
    public :: check_matrices
 
-   !> T_i and moments of rotations, as parts of the sums of the sizes of their terms, from which on nothing but a fault is
-   !> left. A stress of 1e-2 of Young's modulus, more than a bolt bears, leaves 1e-2 in the latter.
-   real(wp), parameter :: wrong_translation = 1.0e-3_wp, wrong_rotation = 1.0e-2_wp
+   !> T_i, as a part of the sum of the sizes of its terms, from which on nothing but a fault is left; moments of rotations from
+   !> `stressed_rotation` on.
+   real(wp), parameter :: wrong_translation = 1.0e-3_wp
    !> Differences between the masses along x, y and z: those of condensed mass at the rim of the inner nodes stay below.
    real(wp), parameter :: wrong_mass = 0.05_wp
    !> Nodal densities this far from the median on that share of the nodes are not those of several materials.
@@ -179,7 +179,7 @@ contains
       character(len=:), allocatable :: cause
 
       judged = survey%inner .and. .not. survey%grounded
-      bad = judged .and. survey%turned > wrong_rotation + survey%turn_rounding
+      bad = judged .and. survey%turned > stressed_rotation + survey%turn_rounding
       if (any(bad)) then
          worst = maxloc(survey%turned, 1, bad)
          cause = 'nodes that were exchanged or moved in the mesh after the matrices were made'

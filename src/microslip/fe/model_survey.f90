@@ -19,7 +19,7 @@ module microslip_fe_model_survey
    implicit none(type, external)
    private
 
-   public :: model_survey_t, survey_model, median, rounding_of_entries, digits_of_coordinates
+   public :: model_survey_t, survey_model, median, rounding_of_entries, stressed_rotation
 
    !> Half a unit of the last place of single precision: the least that a model file may hold.
    real(wp), parameter :: rounding_of_entries = 2.0_wp**(-24)
@@ -29,6 +29,9 @@ module microslip_fe_model_survey
    real(wp), parameter :: smallest_area = 0.01_wp
    !> What the best lambda and mu may leave of P_i, as a part of it, where a node counts as in one isotropic material.
    real(wp), parameter :: largest_misfit = 0.02_wp
+   !> Moments of rotations that a stress in the structure (geometric stiffness) leaves at most, as a part of the sum of the sizes
+   !> of their terms: a third of the stress over Young's modulus (600 MPa in a block of steel leave 9e-4).
+   real(wp), parameter :: stressed_rotation = 1.0e-2_wp
    !> Two ratios of entries of the mass are the same.
    real(wp), parameter :: same_ratio = 1.0e-4_wp
 
@@ -170,11 +173,11 @@ contains
                   & + place_error*sums%translation_size(c, a)/sums%gradient_size(c, a))
             end do
             ! A spring to the ground, alone or spread over elements: symmetric, holds and does not push, and turns no more
-            ! than its lever of one element lets it.
+            ! than its lever of one element or a stress lets it.
             limit = rounding_of_entries*maxval(sums%translation_size(:, a))
             if (survey%away(a) .and. survey%held(a) > rounding_of_entries .and. maxval(abs(t - transpose(t))) <= 2.0_wp*limit) &
                & survey%grounded(a) = is_semidefinite(t, 2.0_wp*limit) &
-               & .and. survey%turned(a) <= survey%held(a) + survey%turn_rounding(a)
+               & .and. survey%turned(a) <= max(survey%held(a), stressed_rotation) + survey%turn_rounding(a)
          end do
       end associate
    end subroutine measure_motions
