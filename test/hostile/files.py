@@ -3,6 +3,7 @@
 import os
 import signal
 import socket
+import stat
 import subprocess
 import time
 
@@ -108,8 +109,14 @@ def special_file(scene, rng):
     target = "out.h5"
     if kind == "fifo":
         os.mkfifo(path)
+    elif kind == "null" and os.geteuid() == 0:
+        os.mknod(scene.folder / "null", 0o600 | stat.S_IFCHR, os.makedev(1, 3))
+        path.symlink_to("null")
     elif kind == "null":
         path.symlink_to("/dev/null")
+    elif kind == "full" and os.geteuid() == 0:
+        # Not the system's own: who may write it could lose it to a fault of the program.
+        os.mknod(path, 0o600 | stat.S_IFCHR, os.makedev(1, 7))
     elif kind == "full":
         target = "/dev/full"
     elif kind == "folder":
@@ -122,7 +129,7 @@ def special_file(scene, rng):
         os.chdir(here)
     else:
         path.symlink_to("nowhere/out.h5")
-    if kind != "full":
+    if target == "out.h5":
         scene.protect("out.h5")
     what = rng.choice(["--output", "--write-model", "cache"])
     if what == "cache":
@@ -174,7 +181,10 @@ def ended(scene, rng):
     which = rng.choice([signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
     scene.write("kick.nml", KICK.replace("DURATION", "2.0e-2"))
     process = scene.start("kick.nml", "--output", "out.h5")
-    time.sleep(0.02 + 0.8 * rng.random())
+    # Before it has begun to watch for signals, the system ends it.
+    while process.poll() is None and not is_caught(process.pid, which):
+        time.sleep(0.001)
+    time.sleep(0.8 * rng.random())
     process.send_signal(which)
     if which == signal.SIGKILL:
         process.communicate()
@@ -189,6 +199,18 @@ def ended(scene, rng):
     scene.expect(outcome.status == 0, f"restart after {which.name}: {outcome.status}: {outcome.said[-200:]}")
     if outcome.status == 0:
         scene.right("out.h5", f"restart after {which.name}")
+
+
+def is_caught(pid, number):
+    """Whether a process handles a signal (one that cannot be handled counts as if it did)."""
+    if number == signal.SIGKILL:
+        return True
+    try:
+        with open(f"/proc/{pid}/status", encoding="ascii", errors="replace") as file:
+            caught = next((int(line.split()[1], 16) for line in file if line.startswith("SigCgt:")), 0)
+    except OSError:
+        return True
+    return bool(caught >> (number - 1) & 1)
 
 
 def broken_pipe(scene, rng):

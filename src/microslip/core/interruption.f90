@@ -7,7 +7,7 @@
 !> A signal that the process was started to ignore (nohup) stays ignored.
 !> A file that grows past the limit of the process (SIGXFSZ) is an error of the write, not the end of the process.
 module microslip_core_interruption
-   use, intrinsic :: iso_c_binding, only: c_funloc, c_funptr, c_int, c_intptr_t, c_null_funptr
+   use, intrinsic :: iso_c_binding, only: c_char, c_funloc, c_funptr, c_int, c_intptr_t, c_null_funptr, c_size_t
    use microslip_core_error, only: error_t, failure
    use microslip_core_text, only: to_text
    implicit none(type, external)
@@ -21,6 +21,10 @@ module microslip_core_interruption
    !> Exit status of a process ended by signal 0
    integer, parameter :: status_of_signal = 128
 
+   !> What is said of a signal that ends the process at once.
+   character(len=*), parameter :: ended = 'microslip: stopped by ', what_stays = '; what was published stays'//new_line('a'), &
+      & by_sigint = ended//'SIGINT'//what_stays, by_sigterm = ended//'SIGTERM'//what_stays, by_sighup = ended//'SIGHUP'//what_stays
+
    integer(c_int), volatile, save :: received = 0
    logical, volatile, save :: held = .false.
 
@@ -32,6 +36,15 @@ module microslip_core_interruption
          type(c_funptr), value :: handler
          type(c_funptr) :: before
       end function c_signal
+
+      function c_write(descriptor, text, length) bind(c, name='write') result(done)
+         import :: c_char, c_int, c_size_t
+         implicit none(type, external)
+         integer(c_int), value :: descriptor
+         character(kind=c_char), intent(in) :: text(*)
+         integer(c_size_t), value :: length
+         integer(c_size_t) :: done
+      end function c_write
 
       subroutine c_exit_now(status) bind(c, name='_exit')
          import :: c_int
@@ -62,9 +75,23 @@ contains
          if (received == 0) received = number
          return
       end if
-      if ((received /= 0 .and. received /= sigpipe) .or. .not. held) call c_exit_now(status_of_signal + number)
+      if ((received /= 0 .and. received /= sigpipe) .or. .not. held) then
+         select case (number)
+         case (sigint); call say(by_sigint)
+         case (sigterm); call say(by_sigterm)
+         case (sighup); call say(by_sighup)
+         end select
+         call c_exit_now(status_of_signal + number)
+      end if
       received = number
    end subroutine note
+
+   !> A message from within a signal handler, where nothing of Fortran's input and output may be used.
+   subroutine say(text)
+      character(len=*), intent(in) :: text
+      integer(c_size_t) :: ignored
+      ignored = c_write(2_c_int, text, int(len(text), c_size_t))
+   end subroutine say
 
    !> A signal is noted from now on.
    subroutine hold_signals()

@@ -153,8 +153,10 @@ contains
          return
       end if
       sound = is_sound(path, there%bytes)
-      if (.not. sound .and. version /= 1) call warnings%add(severity_note, path//': this reduction cache is damaged or was ' &
-         & //'changed (its checksum does not fit): it is not used, the reduction is computed anew')
+      if (sound) return
+      what = 'is damaged or was changed (its checksum does not fit)'
+      if (version == 1) what = 'is of an earlier version of the program, or was changed (it has no checksum)'
+      call warnings%add(severity_note, path//': this reduction cache '//what//': it is not used, the reduction is computed anew')
    end subroutine check_cache
 
    !> Whether the checksum at the end of a file is that of the bytes before it.
@@ -210,10 +212,17 @@ contains
       type(working_file_t) :: new
       type(hdf5_file_t) :: file
       type(error_t), allocatable :: error, close_error
-      character(len=:), allocatable :: place
-      logical :: in_use
+      type(file_identity_t) :: there
+      character(len=:), allocatable :: place, what
+      integer :: version
+      logical :: in_use, is_own
 
-      ! A file that is none of this program's was warned of when it was to be read.
+      there = identity_of(path)
+      if (there%kind == kind_regular) then
+         call recognise(path, cache_file, is_own, version, what)
+         ! It stays, and was warned of when it was to be read.
+         if (.not. is_own) return
+      end if
       call check_replaceable(path, cache_file, error)
       place = path
       if (link_target(path) /= '') place = place_of(path)
