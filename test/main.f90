@@ -10,6 +10,9 @@ program main
    use test_analysis_settling, only: collect_analysis_settling
    use test_cli_coupling_report, only: collect_cli_coupling_report
    use test_cli_excitations, only: collect_cli_excitations
+   use test_cli_file_guard, only: collect_cli_file_guard
+   use test_io_own_files, only: collect_io_own_files
+   use test_io_reduction_cache, only: collect_io_reduction_cache
    use test_cli_demand, only: collect_cli_demand
    use test_cli_node_contact, only: collect_cli_node_contact
    use test_fe_base_load, only: collect_fe_base_load
@@ -112,6 +115,9 @@ program main
       & new_testsuite('analysis_settling', collect_analysis_settling), &
       & new_testsuite('cli_excitations', collect_cli_excitations), &
       & new_testsuite('cli_demand', collect_cli_demand), &
+      & new_testsuite('cli_file_guard', collect_cli_file_guard), &
+      & new_testsuite('io_own_files', collect_io_own_files), &
+      & new_testsuite('io_reduction_cache', collect_io_reduction_cache), &
       & new_testsuite('cli_coupling_report', collect_cli_coupling_report), &
       & new_testsuite('cli_node_contact', collect_cli_node_contact), &
       & new_testsuite('fe_base_load', collect_fe_base_load), &
