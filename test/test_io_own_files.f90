@@ -42,6 +42,7 @@ contains
       type(testing_error), allocatable, intent(out) :: error
       type(file_identity_t) :: one, other
 
+      call clean_up()
       call write_text(path, users)
       call execute_command_line('ln -s test_own_files.h5 '//link//'; ln '//path//' '//far)
       one = identity_of(path)
