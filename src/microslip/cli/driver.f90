@@ -5,8 +5,10 @@ module microslip_cli_driver
    use microslip_cli_coupling_report, only: check_mesh, report_mesh
    use microslip_cli_demand, only: check_demand, check_grids, check_reading, estimate_demand, in_words, memory_estimate
    use microslip_cli_file_guard, only: file_guard_t
+   use microslip_cli_interface_checks, only: check_interfaces
    use microslip_cli_log, only: listed, log_t, warnings_in_words
    use microslip_cli_model_report, only: report_model, report_tied
+   use microslip_cli_motion_checks, only: check_loads, check_times
    use microslip_cli_restart, only: examine_results, open_results
    use microslip_cli_run, only: run_t
    use microslip_cli_scene, only: build_scene, read_model
@@ -137,6 +139,8 @@ contains
       if (.not. allocated(error) .and. line%check .and. line%restart) call examine_results(run, output_path(case, line), error)
       if (allocated(error)) return
       call run%clock%stop('read')
+      call check_interfaces(run%case, run%scene, run%warnings)
+      call check_loads(run%case, run%scene, run%warnings)
       run%demand = estimate_demand(run%case, run%scene, run%reduced)
       call report_elements(run%log, run%scene%model)
       call report_model(run%log, run%scene)
@@ -177,6 +181,7 @@ contains
       call reduce_model(run, error)
       if (.not. allocated(error) .and. run%case%reduction%method == craig_bampton_massless) call run%log%line( &
          & 'tied frequencies, Hz:'//listed(run%reduced%frequency(:min(6, size(run%reduced%frequency)))))
+      if (.not. allocated(error)) call check_times(run%case, run%scene, run%reduced%frequency, run%warnings)
       ! Now the number of time steps is known.
       if (.not. allocated(error)) then
          before = memory_estimate(run%demand)

@@ -46,6 +46,9 @@ contains
          call keys%real_table('direction', record%direction, 3, any_value, part_count(record%node_set), required=.true.)
          call check_directions(keys, 'direction', record%direction)
          call keys%real_list('size', record%size, any_value, part_count(record%node_set), required=.true.)
+         if (keys%is_reading .and. allocated(record%size)) then
+            if (any(.not. abs(record%size) > 0.0_wp)) call keys%fault('size', 'numbers other than 0')
+         end if
          if (.not. allocated(record%distribution)) then
             allocate (record%distribution(parts))
             record%distribution = 'uniform'
