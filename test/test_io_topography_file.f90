@@ -217,7 +217,19 @@ contains
       if (allocated(error)) return
       call check(error, abs(z(3, 2) - 4.0e-6_wp) <= tolerance .and. abs(x(3) - 4.0e-3_wp) <= tolerance, 'packing was not applied')
       if (allocated(error)) return
-      call check(error, warnings%number(), 2)
+      ! Of x and of z, which hold no integers.
+      call check(error, warnings%number() == 2 .and. warnings%severity(2) == severity_doubtful)
+      if (allocated(error)) return
+      call file%open(scratch, lib, writable=.true.)
+      call file%write('z', spread([0, 1, 2], 2, 2), 'um', 'heights', lib)
+      call file%set_attribute('z', 'scale_factor', 0.5_wp, lib)
+      call file%write('x', x_mm, 'mm', 'axis', lib)
+      call file%set_attribute('x', 'scale_factor', 1.0_wp, lib)
+      call file%write('mask', [0, 1], '1', 'which are known', lib)
+      call file%close(lib)
+      warnings = warning_list_t()
+      call read_topography_hdf5(scratch, x, y, z, lib, warnings=warnings)
+      call check(error, warnings%number() == 2 .and. index(warnings%text(1), 'mask') > 0)
       if (allocated(error)) return
       call write_grid(spread(x_mm, 2, 2))
       call file%open(scratch, lib, writable=.true.)

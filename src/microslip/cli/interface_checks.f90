@@ -17,7 +17,7 @@ module microslip_cli_interface_checks
    !> Coefficient of friction.
    real(wp), parameter :: largest_friction = 2.0_wp
    !> Young's modulus, Pa; Poisson's ratio.
-   real(wp), parameter :: softest = 1.0e8_wp, stiffest = 2.0e12_wp, most_incompressible = 0.49_wp
+   real(wp), parameter :: softest = 1.0e8_wp, stiffest = 2.0e12_wp, usual = 1.0e9_wp, most_incompressible = 0.49_wp
    !> Mean pressure, Pa, and over Young's modulus.
    real(wp), parameter :: least_pressure = 1.0e3_wp, largest_pressure = 1.0e-2_wp
    !> Sine of the angle of axis_1 to the plane.
@@ -73,9 +73,9 @@ contains
             text = place//'young_modulus = '//to_text(e)//' Pa'
             if (e < softest) then
                text = text//', softer than '//to_text(softest)//' Pa'
-               if (1.0e6_wp*e >= softest .and. 1.0e6_wp*e <= stiffest) then
+               if (1.0e6_wp*e >= usual .and. 1.0e6_wp*e <= stiffest) then
                   text = text//': is it in MPa? That would be '//to_text(1.0e6_wp*e)//' Pa'
-               else if (1.0e9_wp*e >= softest .and. 1.0e9_wp*e <= stiffest) then
+               else if (1.0e9_wp*e >= usual .and. 1.0e9_wp*e <= stiffest) then
                   text = text//': is it in GPa? That would be '//to_text(1.0e9_wp*e)//' Pa'
                end if
                call warnings%add(severity_wrong, text)

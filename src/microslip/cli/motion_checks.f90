@@ -33,7 +33,7 @@ module microslip_cli_motion_checks
 
 contains
 
-   !> What can be said before the reduction: loads, sensors, damping.
+   !> What can be said before the reduction: loads and damping.
    subroutine check_loads(case, scene, warnings)
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
@@ -45,12 +45,6 @@ contains
          if (is_zero(scene%patterns(:, scene%load_index(k)))) call warnings%add(severity_wrong, "&load '"// &
             & trim(case%loads(k)%name)//"': its parts cancel at every node, it has no force")
       end do
-      if (allocated(case%output%sensors)) then
-         do k = 1, size(case%output%sensors)
-            if (is_zero(scene%patterns(:, scene%n_pattern_loads + k))) call warnings%add(severity_doubtful, &
-               & "&output: sensor '"//trim(case%output%sensors(k))//"' is supported along its direction, it is always 0")
-         end do
-      end if
       if (allocated(case%preload%load_scale) .and. allocated(case%preload%loads)) then
          do k = 1, min(size(case%preload%load_scale), size(case%preload%loads))
             if (.not. abs(case%preload%load_scale(k)) > 0.0_wp) call warnings%add(severity_doubtful, "&preload: load '"// &

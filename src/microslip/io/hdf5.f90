@@ -77,6 +77,7 @@ module microslip_io_hdf5
       procedure :: make_scale
       procedure :: attach_scale
       procedure :: is_attached
+      procedure :: holds_integers
       procedure :: has_attribute
       procedure :: attributes
       generic :: write => write_real_0, write_real_1, write_real_2, write_real_3, write_integer_0, write_integer_1, &
@@ -765,6 +766,25 @@ contains
       call check_memory(self, path, memory, error)
       if (.not. allocated(error)) call read_numbers(self, path, h5t_native_integer, c_loc(value), error)
    end subroutine read_integer_3
+
+   !> Whether a dataset stores integers.
+   logical function holds_integers(self, path)
+      class(hdf5_file_t), intent(in) :: self
+      !> Dataset
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable :: error
+      integer(hid_t) :: id, type
+      integer :: class, status
+
+      holds_integers = .false.
+      call open_dataset(self, path, id, error)
+      if (allocated(error)) return
+      call h5dget_type_f(id, type, status)
+      call h5tget_class_f(type, class, status)
+      call h5tclose_f(type, status)
+      call h5dclose_f(id, status)
+      holds_integers = class == h5t_integer_f
+   end function holds_integers
 
    !> Check rank and kind of a dataset of numbers and get its shape. Integers are read as reals, never the reverse.
    subroutine expect(self, path, rank, integers, shape, error)

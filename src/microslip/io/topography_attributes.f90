@@ -11,7 +11,7 @@ module microslip_io_topography_attributes
    implicit none(type, external)
    private
 
-   public :: find_unit, in_metres, unpack, remove_missing, report_attributes
+   public :: find_unit, in_metres, unpack, remove_missing, report_attributes, report_masks
 
    !> Attributes of x, y, z that are applied or compared.
    character(len=*), parameter :: applied(*) = [character(len=20) :: 'units', 'unit', 'layout', 'scale_factor', 'add_offset', &
@@ -122,8 +122,13 @@ contains
       else if (factor == 0.0_wp) then
          call bad_input(error, file%path//": '"//name//"': its scale factor is 0")
       else if (abs(factor - 1.0_wp) > 0.0_wp .or. abs(offset) > 0.0_wp) then
-         call warnings%add(severity_note, file%path//": '"//name//"' holds packed numbers: multiplied by "// &
-            to_text(factor)//', plus '//to_text(offset)//', as its attributes say')
+         if (file%holds_integers(name)) then
+            call warnings%add(severity_note, file%path//": '"//name//"' holds packed numbers: multiplied by "// &
+               to_text(factor)//', plus '//to_text(offset)//', as its attributes say')
+         else
+            call warnings%add(severity_doubtful, file%path//": '"//name//"' was multiplied by "//to_text(factor)//', plus '// &
+               to_text(offset)//', as its attributes say, but it holds no integers: is it unpacked already?')
+         end if
       end if
    end subroutine unpack
 
@@ -193,6 +198,23 @@ contains
       if (unknown /= '' .and. name /= '/') call warnings%add(severity_note, file%path//": '"//name//"' has the attributes"// &
          unknown//', which are not known and not used')
    end subroutine report_attributes
+
+   !> Datasets beside axes and heights that say which heights are known.
+   subroutine report_masks(file, warnings)
+      type(hdf5_file_t), intent(in) :: file
+      type(warning_list_t), intent(inout) :: warnings
+      type(error_t), allocatable :: error
+      character(len=255), allocatable :: names(:)
+      integer :: k
+
+      call file%members('/', names, error)
+      if (allocated(error)) return
+      do k = 1, size(names)
+         if (any([index(lower_case(names(k)), 'mask'), index(lower_case(names(k)), 'valid'), &
+            index(lower_case(names(k)), 'missing')] > 0)) call warnings%add(severity_doubtful, file%path// &
+            ": the dataset '"//trim(names(k))//"' is not used: unknown points must be NaN in the heights")
+      end do
+   end subroutine report_masks
 
    !> Whether the name of an attribute sounds as if it changed what numbers mean.
    pure logical function is_meaningful(name)

@@ -9,11 +9,12 @@ module microslip_io_topography_file
    use microslip_core_error, only: bad_input, error_t
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: lower_case, to_text
-   use microslip_core_warning_list, only: severity_note, severity_wrong, warning_list_t
+   use microslip_core_warning_list, only: severity_doubtful, severity_note, severity_wrong, &
+      warning_list_t
    use microslip_io_file_kind, only: kind_of_file
    use microslip_io_hdf5, only: hdf5_file_t, is_hdf5_file
    use microslip_io_topography_attributes, only: find_unit, in_metres, remove_missing, report_attributes, &
-      unpack
+      report_masks, unpack
    use microslip_surface_scan_check, only: find_stand_in, stand_in_t
    implicit none(type, external)
    private
@@ -22,6 +23,8 @@ module microslip_io_topography_file
 
    !> Names under which heights are looked for.
    character(len=*), parameter :: height_names(*) = [character(len=6) :: 'z', 'gap', 'height']
+   !> Distance of two points of an axis over the mean distance: below it a warning.
+   real(wp), parameter :: smallest_distance = 1.0e-2_wp
    !> Order of the dimensions as h5py shows them.
    integer, parameter :: order_unknown = 0, order_xy = 1, order_yx = 2
 
@@ -65,6 +68,7 @@ contains
          if (.not. allocated(error)) call report_attributes(file, trim(names(k)), found)
       end do
       if (.not. allocated(error)) call report_attributes(file, '/', found)
+      if (.not. allocated(error)) call report_masks(file, found)
       call file%close(ignored)
       if (present(warnings)) call warnings%append(found)
    end subroutine read_topography_hdf5
@@ -123,6 +127,10 @@ contains
          call bad_input(error, file%path//": '"//name//"' must hold ascending finite numbers")
       else
          axis = factor*(scale*axis + offset)
+         if (minval(axis(2:) - axis(:n - 1)) < smallest_distance*(axis(n) - axis(1))/(n - 1)) call warnings%add( &
+            severity_doubtful, file%path//": '"//name//"' has points that are only "// &
+            to_text(minval(axis(2:) - axis(:n - 1)), 3)//' m apart, the mean distance is '// &
+            to_text((axis(n) - axis(1))/(n - 1), 3)//' m')
       end if
    end subroutine read_axis
 
