@@ -147,8 +147,8 @@ contains
          & 'of the faces, less than 50 %')
       if (.not. allocated(error)) call expect(error, 'nx = 8', 'potential_margin = 5, nx = 8', severity_doubtful, 'um or mm?')
       if (.not. allocated(error)) call expect(error, 'nx = 8', 'potential_margin = 1e-9, nx = 8', severity_note, '1 % of the range')
-      if (.not. allocated(error)) call expect(error, 'load_scale = 2000', 'interface_force = 1', severity_note, 'is it in kN?')
-      if (.not. allocated(error)) call expect(error, 'load_scale = 2000', 'interface_force = 2e8', severity_wrong, &
+      if (.not. allocated(error)) call expect(error, 'load_scale = 2000.0', 'interface_force = 1.0', severity_note, 'is it in kN?')
+      if (.not. allocated(error)) call expect(error, 'load_scale = 2000.0', 'interface_force = 2e8', severity_wrong, &
          & "1 % of Young's modulus")
       call remove(folder//model_name)
    end subroutine test_interfaces

@@ -241,6 +241,11 @@ contains
          "coupling = 'parallel': allowed: 'series', 'scale_split'")
       call one_fault(error, "side_b = 'lb'", "side_b = 'ground', coupling = 'scale_split', young_modulus(2) = 2e11", &
          "coupling = 'scale_split': allowed: 'series', or one young_modulus: elastic ground is not in the FE model")
+      call one_fault(error, "size = 2*1.0", "size = 0.0, 1.0", "size = 0.0, 1.0: allowed: numbers other than 0")
+      call one_fault(error, "height = 12.14e-6", "height = 12.14e-6, filter_wavelength = 1e-3", &
+         "filter_wavelength = 1e-3: allowed: only with source = 'file'")
+      call one_fault(error, "height = 12.14e-6", "height = 12.14e-6, layout = 'z[x,y]'", &
+         "layout = 'z[x,y]': allowed: only with source = 'file'")
       call one_fault(error, "direction = 0, 0, 1, 0, 0, -1", "direction = 0, 0, 1, 0, 0, 0", &
          "direction = 0, 0, 1, 0, 0, 0: allowed: three numbers per direction that are not all 0")
    end subroutine test_interface_values

@@ -62,6 +62,9 @@ contains
       associate (damping => case%damping)
          if (allocated(damping%ratio)) call check_damping('ratio', damping%ratio, warnings)
          if (allocated(damping%modal_ratio)) call check_damping('modal_ratio', maxval(damping%modal_ratio), warnings)
+         if ((allocated(damping%ratio) .or. allocated(damping%modal_ratio) .or. allocated(damping%mass_proportional)) .and. .not. &
+            & any([case%runs('transient'), case%runs('settling'), case%runs('qsma'), case%runs('harmonic_balance'), &
+            & case%runs('epmc')])) call warnings%add(severity_note, '&damping: no analysis of this case uses it')
       end associate
    end subroutine check_loads
 

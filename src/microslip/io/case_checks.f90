@@ -42,7 +42,13 @@ contains
          case ('load')
             call check_load_use(groups(k), input)
             call check_motion(groups(k), input, interfaces)
+         case ('interface')
+            if (.not. input%runs('preload') .and. allocated(input%analyses)) call groups(k)%ignored(['potential_margin'], &
+               "with 'preload' in the analyses of &case (without it all points take part)")
          case ('contact')
+            if (input%contact%normal_law == 'velocity' .and. allocated(input%analyses) .and. .not. (input%runs('transient') .or. &
+               input%runs('settling'))) call groups(k)%fault('normal_law', "'gap': the others are for the time integration "// &
+               "('transient', 'settling'), this one would be ignored here")
             if (input%contact%compliance == 'fft' .and. any(input%interfaces%grid == 'fe_nodes')) call groups(k)%fault( &
                'compliance', "'auto' or 'dense': an interface with grid = 'fe_nodes' has no half space")
          case ('damping')
