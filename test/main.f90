@@ -14,7 +14,7 @@ program main
    use test_io_own_files, only: collect_io_own_files
    use test_io_reduction_cache, only: collect_io_reduction_cache
    use test_cli_demand, only: collect_cli_demand
-   use test_cli_plausibility, only: collect_cli_plausibility
+   use test_cli_interface_checks, only: collect_cli_interface_checks
    use test_cli_node_contact, only: collect_cli_node_contact
    use test_fe_base_load, only: collect_fe_base_load
    use test_analysis_linear_modes, only: collect_analysis_linear_modes
@@ -121,7 +121,7 @@ program main
       & new_testsuite('io_reduction_cache', collect_io_reduction_cache), &
       & new_testsuite('cli_coupling_report', collect_cli_coupling_report), &
       & new_testsuite('cli_node_contact', collect_cli_node_contact), &
-      & new_testsuite('cli_plausibility', collect_cli_plausibility), &
+      & new_testsuite('cli_interface_checks', collect_cli_interface_checks), &
       & new_testsuite('fe_base_load', collect_fe_base_load), &
       & new_testsuite('analysis_linear_modes', collect_analysis_linear_modes), &
       & new_testsuite('analysis_preload', collect_analysis_preload), &

@@ -1,4 +1,4 @@
-!> What is doubtful about the interfaces of a case: numbers in another unit than SI, holes and grids beside the pad.
+!> What is doubtful about the interfaces of a case: friction in percent, holes and grids beside the pad.
 !>
 !> Nothing here is refused: every check has a named threshold (doc/namelists.md, "What is doubted").
 module microslip_cli_interface_checks
@@ -16,10 +16,8 @@ module microslip_cli_interface_checks
 
    !> Coefficient of friction.
    real(wp), parameter :: largest_friction = 2.0_wp
-   !> Young's modulus, Pa; Poisson's ratio.
-   real(wp), parameter :: softest = 1.0e8_wp, stiffest = 2.0e12_wp, usual = 1.0e9_wp, most_incompressible = 0.49_wp
-   !> Mean pressure, Pa, and over Young's modulus.
-   real(wp), parameter :: least_pressure = 1.0e3_wp, largest_pressure = 1.0e-2_wp
+   !> Poisson's ratio.
+   real(wp), parameter :: most_incompressible = 0.49_wp
    !> Sine of the angle of axis_1 to the plane.
    real(wp), parameter :: largest_inclination = 0.1_wp
    !> How far the extent goes beyond the nodes, over its length; part of the faces that the grid covers.
@@ -47,9 +45,8 @@ contains
             if (record%friction > largest_friction) call warnings%add(severity_wrong, place//'friction = '// &
                & to_text(record%friction)//', more than '//to_text(largest_friction)//': is it in percent? '// &
                & to_text(record%friction)//' % are '//to_text(1.0e-2_wp*record%friction))
-            call check_materials(record, place, warnings)
+            call check_poisson(record, place, warnings)
             if (allocated(record%axis_1)) call check_axis(record%axis_1, pad%contact%frame(:, 1), place, warnings)
-            call check_pressures(case, k, sum(pad%grid%area), place, warnings)
             call check_margin(record, scene%surfaces(k)%range, place, warnings)
             if (.not. pad%grid%regular) cycle
             call check_extent(record, pad%contact, pad%grid, place, warnings)
@@ -59,38 +56,21 @@ contains
       end do
    end subroutine check_interfaces
 
-   !> Elastic constants of the half spaces.
-   subroutine check_materials(record, place, warnings)
+   !> Poisson's ratio of the half spaces.
+   subroutine check_poisson(record, place, warnings)
       type(interface_case_t), intent(in) :: record
       character(len=*), intent(in) :: place
       type(warning_list_t), intent(inout) :: warnings
-      character(len=:), allocatable :: text
       integer :: k
 
-      if (.not. (allocated(record%young_modulus) .and. allocated(record%poisson_ratio))) return
-      do k = 1, size(record%young_modulus)
-         associate (e => record%young_modulus(k))
-            text = place//'young_modulus = '//to_text(e)//' Pa'
-            if (e < softest) then
-               text = text//', softer than '//to_text(softest)//' Pa'
-               if (1.0e6_wp*e >= usual .and. 1.0e6_wp*e <= stiffest) then
-                  text = text//': is it in MPa? That would be '//to_text(1.0e6_wp*e)//' Pa'
-               else if (1.0e9_wp*e >= usual .and. 1.0e9_wp*e <= stiffest) then
-                  text = text//': is it in GPa? That would be '//to_text(1.0e9_wp*e)//' Pa'
-               end if
-               call warnings%add(severity_wrong, text)
-            else if (e > stiffest) then
-               call warnings%add(severity_wrong, text//', stiffer than '//to_text(stiffest)//' Pa: is the unit right?')
-            end if
-         end associate
-      end do
+      if (.not. allocated(record%poisson_ratio)) return
       do k = 1, size(record%poisson_ratio)
          associate (nu => record%poisson_ratio(k))
             if (nu > most_incompressible .or. nu < 0.0_wp) call warnings%add(severity_note, place//'poisson_ratio = '// &
                & to_text(nu)//', metals have 0.25 to 0.35')
          end associate
       end do
-   end subroutine check_materials
+   end subroutine check_poisson
 
    !> axis_1 is projected on the interface: it should lie in it.
    subroutine check_axis(axis, normal, place, warnings)
@@ -104,46 +84,6 @@ contains
             & ' degrees, its projection is taken')
       end associate
    end subroutine check_axis
-
-   !> Initial pressure, and mean pressure of the force that is asked for.
-   subroutine check_pressures(case, k, area, place, warnings)
-      type(case_t), intent(in) :: case
-      !> Interface
-      integer, intent(in) :: k
-      !> m^2
-      real(wp), intent(in) :: area
-      character(len=*), intent(in) :: place
-      type(warning_list_t), intent(inout) :: warnings
-      character(len=:), allocatable :: text
-
-      associate (record => case%interfaces(k))
-         if (allocated(record%initial_pressure)) then
-            text = place//'initial_pressure = '//to_text(record%initial_pressure)//' Pa'
-            if (record%initial_pressure < least_pressure) call warnings%add(severity_doubtful, text//', less than '// &
-               & to_text(least_pressure)//' Pa: is it in MPa?')
-            if (is_beyond(record, record%initial_pressure)) call warnings%add(severity_wrong, text//', more than '// &
-               & to_text(1.0e2_wp*largest_pressure)//" % of Young's modulus: is the unit right?")
-         end if
-         if (.not. (case%runs('preload') .and. allocated(case%preload%interface_force))) return
-         associate (force => case%preload%interface_force(min(k, size(case%preload%interface_force))))
-            text = '&preload: interface_force = '//to_text(force)//' N makes a mean pressure of '//to_text(force/area, 3)// &
-               & " Pa on interface '"//trim(record%name)//"'"
-            if (force/area < least_pressure) call warnings%add(severity_note, text//', less than '// &
-               & to_text(least_pressure)//' Pa: is it in kN?')
-            if (is_beyond(record, force/area)) call warnings%add(severity_wrong, text//', more than '// &
-               & to_text(1.0e2_wp*largest_pressure)//" % of Young's modulus: are force and lengths in SI units?")
-         end associate
-      end associate
-   end subroutine check_pressures
-
-   !> More than metals carry.
-   pure logical function is_beyond(record, pressure)
-      type(interface_case_t), intent(in) :: record
-      real(wp), intent(in) :: pressure
-
-      is_beyond = .false.
-      if (allocated(record%young_modulus)) is_beyond = pressure > largest_pressure*minval(record%young_modulus)
-   end function is_beyond
 
    !> Margin on the gap in the choice of the points in potential contact.
    subroutine check_margin(record, range, place, warnings)
