@@ -20,7 +20,7 @@ program frictional_contact
    implicit none(type, external)
 
    !> Of the natural map.
-   real(wp), parameter :: wanted_error = 1.0e-8_wp
+   real(wp), parameter :: wanted_error = 1.0e-10_wp
    !> Of the solvers: relative to the largest force, which reaches 4e5 in these problems.
    real(wp), parameter :: tolerance = 1.0e-12_wp
    integer, parameter :: max_iterations = 30000
