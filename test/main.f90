@@ -51,6 +51,7 @@ program main
    use test_fe_pairing, only: collect_fe_pairing
    use test_fe_reduction, only: collect_fe_reduction
    use test_fe_relative_coordinates, only: collect_fe_relative_coordinates
+   use test_fe_residual_mass, only: collect_fe_residual_mass
    use test_fe_shape_functions, only: collect_fe_shape_functions
    use test_fe_unit_guess, only: collect_fe_unit_guess
    use test_halfspace_compliance, only: collect_halfspace_compliance
@@ -158,6 +159,7 @@ program main
       & new_testsuite('fe_pairing', collect_fe_pairing), &
       & new_testsuite('fe_reduction', collect_fe_reduction), &
       & new_testsuite('fe_relative_coordinates', collect_fe_relative_coordinates), &
+      & new_testsuite('fe_residual_mass', collect_fe_residual_mass), &
       & new_testsuite('fe_shape_functions', collect_fe_shape_functions), &
       & new_testsuite('halfspace_compliance', collect_halfspace_compliance), &
       & new_testsuite('halfspace_convolution', collect_halfspace_convolution), &

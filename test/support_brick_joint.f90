@@ -45,7 +45,8 @@ contains
       type(reduction_options_t) :: options
       type(pad_t) :: pad
       integer, parameter :: cells(3) = [4, 3, 2], n_modes = 12
-      real(wp) :: modulus(2), damping(n_modes)
+      real(wp) :: modulus(2)
+      real(wp), allocatable :: damping(:)
 
       associate (blocks => [block_t('lower', [0.0_wp, 0.0_wp, -0.02_wp], [0.06_wp, 0.04_wp, 0.02_wp], cells), &
          & block_t('upper', [0.0_wp, 0.0_wp, 0.0_wp], [0.06_wp, 0.04_wp, 0.03_wp], cells)])
@@ -69,7 +70,7 @@ contains
       if (present(elastic)) modulus = elastic
       call make_pad(joint%contact, peak_to_peak, friction, modulus, pad, error)
       if (allocated(error)) return
-      damping = 2.0_wp*pi*joint%reduced%frequency(1)*1.0e-2_wp
+      damping = spread(2.0_wp*pi*joint%reduced%frequency(1)*1.0e-2_wp, 1, size(joint%reduced%frequency))
       call new_system(joint%reduced, [pad], 2, damping, joint%system, error)
       if (.not. allocated(error)) call joint%system%restrict(spread(.true., 1, joint%system%grid_point_count()), error)
 

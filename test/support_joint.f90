@@ -90,6 +90,7 @@ contains
       place = contact%position/spread(pad_size, 2, pairs)
       reduced%method = 'craig_bampton_massless'
       reduced%frequency = [220.0_wp, 265.0_wp, 640.0_wp, 1225.0_wp, 1900.0_wp, 2600.0_wp]
+      reduced%tied_modes = n_modes
       lambda = (2.0_wp*pi*reduced%frequency)**2
       allocate (alpha(n_modes, n), reduced%K_ii(n_modes, n_modes), reduced%K_bb(n, n), source=0.0_wp)
       do pad = 1, 2

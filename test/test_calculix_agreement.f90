@@ -81,7 +81,7 @@ contains
       if (allocated(lib)) return
       allocate (no_patterns(model%row_count(), 0))
       call reduce(model, [joint], no_patterns, reduction_options_t(craig_bampton_massless, modes=modes), reduced, lib)
-      if (.not. allocated(lib)) frequency = reduced%frequency
+      if (.not. allocated(lib)) frequency = reduced%frequency(:reduced%tied_modes)
    end subroutine tied_frequencies
 
    subroutine test_quadratic(error)

@@ -89,22 +89,25 @@ contains
       if (allocated(run%case%output%sensors)) names = run%case%output%sensors
    end function sensor_names
 
-   !> Diagonal of D from the damping asked for, (modes), 1/s.
+   !> Diagonal of D from the damping asked for, (modes), 1/s. Coordinates that carry residual mass are no tied modes: of modal
+   !> damping they take the smallest, since what they do at low frequencies is to move with bodies that slide or lift.
    function damping(run) result(d)
       type(run_t), intent(in) :: run
       real(wp), allocatable :: d(:)
-      integer :: k
+      integer :: k, tied
 
       allocate (d(size(run%reduced%frequency)), source=0.0_wp)
+      tied = run%reduced%tied_modes
       associate (record => run%case%damping, omega => 2.0_wp*pi*run%reduced%frequency)
          if (allocated(record%mass_proportional)) d = record%mass_proportional
-         if (allocated(record%ratio)) d = 2.0_wp*record%ratio*omega(min(record%reference_mode, size(omega)))
+         if (allocated(record%ratio)) d = 2.0_wp*record%ratio*omega(min(record%reference_mode, tied))
          if (allocated(record%ratio) .and. record%reference == 'preloaded' .and. allocated(run%modes%frequency)) &
             & d = 4.0_wp*pi*record%ratio*run%modes%frequency(record%reference_mode)
          if (allocated(record%modal_ratio)) then
-            do k = 1, size(d)
+            do k = 1, tied
                d(k) = 2.0_wp*record%modal_ratio(min(k, size(record%modal_ratio)))*omega(k)
             end do
+            d(tied + 1:) = minval(d(:tied))
          end if
       end associate
    end function damping

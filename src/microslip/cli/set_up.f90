@@ -2,11 +2,12 @@
 module microslip_cli_set_up
    use microslip_analysis_potential_set, only: choose_potential_set
    use microslip_cli_coupling_report, only: report_estimate
+   use microslip_cli_reduction_report, only: report_reduction
    use microslip_cli_restart, only: take_run_back
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
    use microslip_cli_scene, only: add_motions, contact_interfaces
    use microslip_cli_demand, only: uses_fft
-   use microslip_core_error, only: error_t
+   use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_fe_interface, only: contact_interface_t
@@ -36,6 +37,7 @@ contains
       options%method = trim(run%case%reduction%method)
       if (allocated(run%case%reduction%n_modes)) options%modes = run%case%reduction%n_modes
       if (allocated(run%case%reduction%cutoff_frequency)) options%cutoff_frequency = run%case%reduction%cutoff_frequency
+      options%residual_mass = run%case%reduction%residual_mass == 'kept'
       found = .false.
       interfaces = contact_interfaces(run%scene)
       if (run%case%reduction%cache /= '') then
@@ -51,11 +53,11 @@ contains
          if (allocated(cache)) call write_cache(cache, digest, run%reduced, run%warnings)
       end if
       call run%clock%stop('reduction')
-      call run%log%line('reduction: '//to_text(run%scene%model%row_count())//' rows to ' &
-         & //to_text(size(run%reduced%frequency))//' modes (to '//to_text(maxval(run%reduced%frequency))//' Hz) and ' &
-         & //to_text(size(run%reduced%K_bb, 1))//' boundary coordinates; residual of the modes ' &
-         & //to_text(run%reduced%record%residual, 2))
-      call run%log%detail('tied frequencies, Hz:', run%reduced%frequency)
+      call report_reduction(run%log, run%scene%model%row_count(), run%reduced, run%warnings)
+      if (allocated(run%case%damping%ratio) .and. run%case%damping%reference == 'tied' .and. &
+         & run%case%damping%reference_mode > run%reduced%tied_modes) call bad_input(error, &
+         & '&damping reference_mode = '//to_text(run%case%damping%reference_mode)//': &reduction keeps '// &
+         & to_text(run%reduced%tied_modes)//' modes; allowed is one of them')
    end subroutine reduce_model
 
    !> The system on its potential contact set; that of an interrupted run is as it was.

@@ -11,7 +11,7 @@ module microslip_fe_reduced_model
    implicit none(type, external)
    private
 
-   public :: reduced_model_t, reduction_record_t, find_highest_frequency
+   public :: reduced_model_t, reduction_record_t, body_mass_t, find_highest_frequency
 
    !> What the reduction cost.
    type :: reduction_record_t
@@ -25,12 +25,31 @@ module microslip_fe_reduced_model
       real(wp) :: seconds_schur = 0.0_wp, seconds_modes = 0.0_wp, seconds = 0.0_wp
    end type reduction_record_t
 
+   !> A body (elements that share nodes) moving as a whole: three translations, three rotations about its centre of mass.
+   type :: body_mass_t
+      !> Number of nodes, and the smallest number that one of them has in the FE program
+      integer :: nodes = 0, first_label = 0
+      !> (6) kg and kg m^2: mass along x, y, z, moment of inertia about x, y, z
+      real(wp) :: inertia(6) = 0.0_wp
+      !> (6) part of mass or moment of inertia that the reduced model carries
+      real(wp) :: kept(6) = 0.0_wp
+      !> (6) Hz: frequency of the rigid motion on supports and springs (Rayleigh's quotient)
+      real(wp) :: frequency(6) = 0.0_wp
+   end type body_mass_t
+
    !> Reduced matrices, load patterns and sensor rows.
    type :: reduced_model_t
       !> 'craig_bampton_massless' or 'macneal'
       character(len=:), allocatable :: method
-      !> (n_i) Hz: tied frequencies (Craig-Bampton) or free ones (MacNeal)
+      !> (n_i) Hz: tied frequencies (of the structure with Craig-Bampton, of the reduced model with MacNeal), then those
+      !> lent to coordinates that carry residual mass
       real(wp), allocatable :: frequency(:)
+      !> How many of them are tied modes
+      integer :: tied_modes = 0
+      !> (soft motions) Craig-Bampton: boundary motions whose residual mass matters (`microslip_fe_residual_mass`): frequency
+      !> that each has with the residual mass alone, Hz, and that mass over all of its mass
+      real(wp), allocatable :: soft_frequency(:), soft_share(:)
+      type(body_mass_t), allocatable :: bodies(:)
       !> (n_i, n_i), (n_b, n_i), (n_b, n_b)
       real(wp), allocatable :: K_ii(:, :), K_bi(:, :), K_bb(:, :)
       !> (n_i, patterns), (n_b, patterns) force patterns; by reciprocity the same columns give the displacement

@@ -8,11 +8,14 @@ module microslip_fe_reduction
    use microslip_core_error, only: error_t, bad_input, failure
    use microslip_core_kinds, only: wp, i8, pi
    use microslip_core_text, only: to_text
+   use microslip_fe_bodies, only: find_bodies
+   use microslip_fe_condensed_forces, only: condensed_forces
    use microslip_fe_interface, only: contact_interface_t
    use microslip_fe_model, only: fe_model_t
    use microslip_fe_reduced_model, only: reduced_model_t, reduction_record_t
    use microslip_fe_relative_coordinates, only: new_relative_coordinates, relative_coordinates_t
-   use microslip_linalg_dense, only: gram_product, inverse_spd, product_of, product_symmetric
+   use microslip_fe_residual_mass, only: find_soft_motions, soft_motions_t
+   use microslip_linalg_dense, only: eigen_symmetric, gram_product, inverse_spd, product_of, product_symmetric
    use microslip_linalg_eigenpairs, only: eigen_record_t, nearest_eigenpairs
    use microslip_linalg_mumps, only: symmetric_factor_t
    use microslip_linalg_sparse, only: symmetric_sparse_t
@@ -37,6 +40,8 @@ module microslip_fe_reduction
       integer :: modes = 0
       !> All modes up to this frequency are retained, Hz
       real(wp) :: cutoff_frequency = 0.0_wp
+      !> Whether soft motions of the boundary keep the mass that the modes do not carry (Craig-Bampton)
+      logical :: residual_mass = .true.
    end type reduction_options_t
 
 contains
@@ -53,7 +58,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(relative_coordinates_t) :: coordinates
       type(symmetric_sparse_t) :: stiffness, mass
-      real(wp), allocatable :: forces(:, :)
+      real(wp), allocatable :: forces(:, :), inertia(:, :)
       integer(i8) :: clock
 
       call start_clock(clock)
@@ -64,13 +69,15 @@ contains
       stiffness = coordinates%transformed_matrix(model%stiffness)
       mass = coordinates%transformed_matrix(model%mass)
       forces = coordinates%transformed_forces(patterns)
+      call find_bodies(model, reduced%bodies, inertia)
+      inertia = coordinates%transformed_forces(inertia)
 
       reduced%method = options%method
       reduced%record%rows = model%row_count()
       if (options%method == macneal) then
-         call reduce_macneal(model, stiffness, mass, coordinates%boundary_rows, forces, options, reduced, error)
+         call reduce_macneal(model, stiffness, mass, coordinates%boundary_rows, forces, inertia, options, reduced, error)
       else
-         call reduce_craig_bampton(model, stiffness, mass, coordinates%boundary_rows, forces, options, reduced, error)
+         call reduce_craig_bampton(model, stiffness, mass, coordinates%boundary_rows, forces, inertia, options, reduced, error)
       end if
       reduced%record%seconds = seconds_since(clock)
    end subroutine reduce
@@ -91,18 +98,22 @@ contains
 
    !> Tied modes Theta and static condensation:
    !> alpha = Theta^T M_rb - Lambda^-1 Theta^T K_rb, K_bi = -alpha^T Lambda, K_bb = K_s + alpha^T Lambda alpha.
-   subroutine reduce_craig_bampton(model, stiffness, mass, boundary, forces, options, reduced, error)
+   !> The residual mass of soft motions adds rows to alpha and Lambda (`microslip_fe_residual_mass`).
+   subroutine reduce_craig_bampton(model, stiffness, mass, boundary, forces, inertia, options, reduced, error)
       type(fe_model_t), intent(in) :: model
       !> K~, M~, (n_b) boundary rows, (rows, patterns) f~
       type(symmetric_sparse_t), intent(in) :: stiffness, mass
       integer, intent(in) :: boundary(:)
       real(wp), intent(in), contiguous :: forces(:, :)
+      !> (rows, 6 bodies) T^T M u of their rigid motions
+      real(wp), intent(in), contiguous :: inertia(:, :)
       type(reduction_options_t), intent(in) :: options
       type(reduced_model_t), intent(inout) :: reduced
       type(error_t), allocatable, intent(out) :: error
       type(symmetric_factor_t) :: factor
-      real(wp), allocatable :: lambda(:), theta(:, :), alpha_t(:, :), product(:, :), scaled(:, :)
-      integer :: k
+      type(soft_motions_t) :: motions
+      real(wp), allocatable :: lambda(:), theta(:, :), alpha_t(:, :), product(:, :), scaled(:, :), extra(:)
+      integer :: k, tied
 
       call static_condensation(model, stiffness, boundary, factor, reduced%K_bb, reduced%record, error)
       if (allocated(error)) return
@@ -117,44 +128,73 @@ contains
          alpha_t(:, k) = alpha_t(:, k) - product(boundary, k)/lambda(k)
       end do
 
+      tied = size(lambda)
+      call find_soft_motions(stiffness, mass, factor, boundary, reduced%K_bb, lambda, theta, alpha_t, motions, error)
+      if (allocated(error)) return
+      reduced%record%solves = reduced%record%solves + motions%solves
+      reduced%soft_frequency = motions%omega/(2.0_wp*pi)
+      reduced%soft_share = motions%share
+      if (options%residual_mass) then
+         extra = spread(lambda(tied), 1, size(motions%omega))
+         lambda = [lambda, extra]
+         alpha_t = reshape([alpha_t, motions%mass_root], [size(boundary), size(lambda)])
+      else
+         deallocate (motions%shape)
+         allocate (motions%shape(size(boundary), 0))
+      end if
+
+      reduced%frequency = sqrt(lambda)/(2.0_wp*pi)
       reduced%K_ii = diagonal_matrix(lambda)
       reduced%K_bi = alpha_t*spread(-lambda, 1, size(boundary))
       scaled = spread(sqrt(lambda), 2, size(boundary))*transpose(alpha_t)
       call gram_product(scaled, reduced%K_bb, keep=1.0_wp)
 
-      allocate (reduced%pattern_i(size(lambda), size(forces, 2)))
-      call product_of(theta, forces, reduced%pattern_i, transpose_a=.true.)
+      allocate (reduced%pattern_i(size(lambda), size(forces, 2)), source=0.0_wp)
+      product = matmul(transpose(theta), forces)
+      reduced%pattern_i(:tied, :) = product
       reduced%pattern_b = condensed_forces(stiffness, factor, boundary, forces)
       call product_of(alpha_t, reduced%pattern_i, reduced%pattern_b, factor=-1.0_wp, keep=1.0_wp)
       reduced%record%solves = reduced%record%solves + size(forces, 2)
+
+      product = condensed_forces(stiffness, factor, boundary, inertia)
+      call measure_kept_mass(inertia, theta, alpha_t(:, :tied), motions%shape, product, reduced)
+      reduced%record%solves = reduced%record%solves + size(inertia, 2)
    end subroutine reduce_craig_bampton
 
-   !> f~_b - K~_br K~_rr^-1 f~_r.
-   function condensed_forces(stiffness, factor, boundary, forces) result(condensed)
-      type(symmetric_sparse_t), intent(in) :: stiffness
-      !> Of K~_rr
-      type(symmetric_factor_t), intent(inout) :: factor
-      integer, intent(in) :: boundary(:)
-      !> (rows, patterns)
-      real(wp), intent(in), contiguous :: forces(:, :)
-      real(wp), allocatable :: condensed(:, :), x(:, :), reaction(:, :)
+   !> |z|^2/u^T M u, z = [Theta^T M u; V^T R^T M u]: the part of the bodies' mass that the retained motions carry.
+   subroutine measure_kept_mass(inertia, theta, alpha_t, v, condensed, reduced)
+      !> M u (rows, 6 bodies), Theta, alpha^T, soft motions V (boundary, motions), P^T M u (boundary, 6 bodies)
+      real(wp), intent(in), contiguous :: inertia(:, :), theta(:, :), alpha_t(:, :), v(:, :), condensed(:, :)
+      type(reduced_model_t), intent(inout) :: reduced
+      real(wp), allocatable :: z(:, :), left(:, :), s(:, :)
+      integer :: k, r
 
-      x = forces
-      call factor%solve(x)
-      allocate (reaction, mold=x)
-      call multiply_many(stiffness, x, reaction)
-      condensed = forces(boundary, :) - reaction(boundary, :)
-   end function condensed_forces
+      allocate (z(size(theta, 2), size(inertia, 2)), s(size(v, 2), size(inertia, 2)))
+      call product_of(theta, inertia, z, transpose_a=.true.)
+      left = condensed
+      call product_of(alpha_t, z, left, factor=-1.0_wp, keep=1.0_wp)
+      call product_of(v, left, s, transpose_a=.true.)
+      do k = 1, size(reduced%bodies)
+         do r = 1, 6
+            associate (column => 6*(k - 1) + r, total => reduced%bodies(k)%inertia(r))
+               if (total > 0.0_wp) reduced%bodies(k)%kept(r) = (sum(z(:, column)**2) + sum(s(:, column)**2))/total
+            end associate
+         end do
+      end do
+   end subroutine measure_kept_mass
 
    !> Free modes Phi and residual flexibility F_res = K_s^-1 - Phi_b Lambda^-1 Phi_b^T:
    !> K_bb = F_res^-1, K_bi = -K_bb Phi_b, K_ii = Lambda + Phi_b^T K_bb Phi_b,
    !> f_b = K_bb (K~^-1 f~ - Phi Lambda^-1 Phi^T f~)_b, f_i = Phi^T f~ - Phi_b^T f_b.
-   subroutine reduce_macneal(model, stiffness, mass, boundary, forces, options, reduced, error)
+   !> At the end the modal coordinates are turned so that K_ii is diagonal: they are then the tied modes of the reduced model.
+   subroutine reduce_macneal(model, stiffness, mass, boundary, forces, inertia, options, reduced, error)
       type(fe_model_t), intent(in) :: model
       !> K~, M~, (n_b) boundary rows, (rows, patterns) f~
       type(symmetric_sparse_t), intent(in) :: stiffness, mass
       integer, intent(in) :: boundary(:)
       real(wp), intent(in), contiguous :: forces(:, :)
+      !> (rows, 6 bodies) T^T M u of their rigid motions
+      real(wp), intent(in), contiguous :: inertia(:, :)
       type(reduction_options_t), intent(in) :: options
       type(reduced_model_t), intent(inout) :: reduced
       type(error_t), allocatable, intent(out) :: error
@@ -203,7 +243,31 @@ contains
       allocate (reduced%pattern_b, mold=residual)
       call product_symmetric(reduced%K_bb, residual, reduced%pattern_b)
       call product_of(phi_b, reduced%pattern_b, reduced%pattern_i, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
+      residual = inertia(:0, :)
+      scaled = inertia(:0, :)
+      call measure_kept_mass(inertia, phi, phi(:0, :), residual, scaled, reduced)
+      call turn_to_tied_modes(reduced, error)
    end subroutine reduce_macneal
+
+   !> K_ii = U Lambda U^T: d_i <- U^T d_i.
+   subroutine turn_to_tied_modes(reduced, error)
+      type(reduced_model_t), intent(inout) :: reduced
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: u(:, :), lambda(:), turned(:, :)
+
+      u = reduced%K_ii
+      allocate (lambda(size(u, 1)))
+      call eigen_symmetric(u, lambda, error)
+      if (allocated(error)) return
+      reduced%frequency = sqrt(lambda)/(2.0_wp*pi)
+      reduced%K_ii = diagonal_matrix(lambda)
+      allocate (turned, mold=reduced%K_bi)
+      call product_of(reduced%K_bi, u, turned)
+      call move_alloc(turned, reduced%K_bi)
+      allocate (turned, mold=reduced%pattern_i)
+      call product_of(u, reduced%pattern_i, turned, transpose_a=.true.)
+      call move_alloc(turned, reduced%pattern_i)
+   end subroutine turn_to_tied_modes
 
    !> K_s and the factor of K~_rr.
    subroutine static_condensation(model, stiffness, boundary, factor, schur, record, error)
@@ -252,7 +316,7 @@ contains
          call name_free_row(model, maxloc(abs(vectors(:, 1)), dim=1), error)
          return
       end if
-      reduced%frequency = sqrt(lambda)/(2.0_wp*pi)
+      reduced%tied_modes = count
       reduced%record%solves = reduced%record%solves + record%solves
       reduced%record%iterations = record%iterations
       reduced%record%residual = record%residual

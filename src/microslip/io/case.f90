@@ -96,6 +96,8 @@ module microslip_io_case
       integer, allocatable :: n_modes
       !> Hz
       real(wp), allocatable :: cutoff_frequency
+      !> 'kept' or 'dropped': mass of soft motions that the tied modes do not carry
+      character(len=name_length) :: residual_mass = 'kept'
       !> File that keeps the reduced model; blank: none
       character(len=path_length) :: cache = ''
    end type reduction_case_t

@@ -72,6 +72,11 @@ contains
       call keys%optional_integer('n_modes', record%n_modes, at_least(1))
       call keys%optional_real('cutoff_frequency', record%cutoff_frequency, positive)
       call keys%exactly_one([character(len=16) :: 'n_modes', 'cutoff_frequency'])
+      if (record%method == 'macneal') then
+         call keys%ignored([character(len=13) :: 'residual_mass'], "with method = 'craig_bampton_massless'", decided_by='method')
+      else
+         call keys%name_key('residual_mass', record%residual_mass, [character(len=name_length) :: 'kept', 'dropped'])
+      end if
       call keys%name_key('cache', record%cache)
       call keys%finish()
    end subroutine reduction_keys

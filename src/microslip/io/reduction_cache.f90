@@ -25,7 +25,7 @@ module microslip_io_reduction_cache
    public :: reduction_digest, read_cache, write_cache, check_cache
 
    !> Grows with every change of the reduction that changes its numbers, or of the layout.
-   integer, parameter :: cache_version = 2
+   integer, parameter :: cache_version = 3
 
    !> What stands behind the HDF5 file: these words and the checksum.
    character(len=*), parameter :: trailer = 'microslip checksum '
@@ -85,7 +85,8 @@ contains
       type(digest_t) :: digest
       integer :: k
 
-      call digest%add('reduction '//to_text(cache_version)//' '//options%method//' '//to_text(options%modes))
+      call digest%add('reduction '//to_text(cache_version)//' '//options%method//' '//to_text(options%modes) &
+         & //' '//merge('kept   ', 'dropped', options%residual_mass))
       call digest%add([options%cutoff_frequency])
       call digest%add(model%row_node)
       call digest%add(model%row_component)
@@ -280,7 +281,79 @@ contains
       call pass(file, writing, '/K_bb', reduced%K_bb, 'N/m', 'boundary stiffness', error)
       call pass(file, writing, '/pattern_i', reduced%pattern_i, 'N/sqrt(kg)', 'force patterns and sensor rows on the modes', error)
       call pass(file, writing, '/pattern_b', reduced%pattern_b, 'N', 'force patterns and sensor rows on the boundary', error)
+      if (allocated(error)) return
+      if (writing) then
+         call write_masses(file, reduced, error)
+      else
+         call read_masses(file, reduced, error)
+      end if
    end subroutine pass_reduced
+
+   !> Soft motions and bodies.
+   subroutine read_masses(file, reduced, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(reduced_model_t), intent(inout) :: reduced
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: table(:, :)
+      integer :: k
+
+      call file%read('/tied_modes', reduced%tied_modes, error)
+      if (allocated(error)) return
+      if (reduced%method == 'craig_bampton_massless') then
+         allocate (reduced%soft_frequency(0), reduced%soft_share(0))
+         if (file%has('/soft_motions')) then
+            call file%read('/soft_motions', table, error)
+            if (allocated(error)) return
+            reduced%soft_frequency = table(1, :)
+            reduced%soft_share = table(2, :)
+         end if
+      end if
+      if (.not. file%has('/bodies')) then
+         allocate (reduced%bodies(0))
+         return
+      end if
+      call file%read('/bodies', table, error)
+      if (allocated(error)) return
+      allocate (reduced%bodies(size(table, 2)))
+      do k = 1, size(table, 2)
+         reduced%bodies(k)%nodes = nint(table(1, k))
+         reduced%bodies(k)%first_label = nint(table(2, k))
+         reduced%bodies(k)%inertia = table(3:8, k)
+         reduced%bodies(k)%kept = table(9:14, k)
+         reduced%bodies(k)%frequency = table(15:20, k)
+      end do
+   end subroutine read_masses
+
+   !> Soft motions and bodies.
+   subroutine write_masses(file, reduced, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(reduced_model_t), intent(in) :: reduced
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: table(:, :)
+      integer :: k
+
+      call file%write('/tied_modes', reduced%tied_modes, '1', 'how many of the modes are tied modes', error)
+      if (allocated(error)) return
+      if (allocated(reduced%soft_frequency)) then
+         table = transpose(reshape([reduced%soft_frequency, reduced%soft_share], [size(reduced%soft_frequency), 2]))
+         if (size(table) > 0) call file%write('/soft_motions', table, '1', &
+            & '[motion]: frequency with the residual mass, Hz; its share of the mass', error)
+         if (allocated(error)) return
+         deallocate (table)
+      end if
+      if (.not. allocated(reduced%bodies)) return
+      allocate (table(20, size(reduced%bodies)))
+      do k = 1, size(reduced%bodies)
+         associate (body => reduced%bodies(k))
+            table(:2, k) = [real(body%nodes, wp), real(body%first_label, wp)]
+            table(3:8, k) = body%inertia
+            table(9:14, k) = body%kept
+            table(15:20, k) = body%frequency
+         end associate
+      end do
+      if (size(table) > 0) call file%write('/bodies', table, '1', '[body]: nodes, smallest number, mass '// &
+         & 'and inertia (6), parts of it that are kept (6), frequencies as it moves as a whole in Hz (6)', error)
+   end subroutine write_masses
 
    subroutine pass_vector(file, writing, path, values, units, description, error)
       type(hdf5_file_t), intent(in) :: file

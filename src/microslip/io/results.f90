@@ -238,11 +238,13 @@ contains
          call put(file, '/model/contact_points', system%problem%n_points, '1', 'points in potential contact', error)
          call put(file, '/model/compliance', [form_of(system)], &
             & 'contact compliance at the start: dense matrix or FFT operator', error)
-         call put(file, '/model/tied_frequency', reduced%frequency, 'Hz', 'frequencies of the component modes', error)
+         call put(file, '/model/tied_frequency', reduced%frequency(:reduced%tied_modes), 'Hz', &
+            & 'frequencies of the component modes with tied interfaces', error)
          call put(file, '/model/damping', system%damping, '1/s', 'viscous damping of the modal coordinates, 2 zeta omega', &
             & error)
          if (reduced%method == 'craig_bampton_massless') call put(file, '/model/modal_participation', &
             & participation(reduced), 'sqrt(kg)', 'alpha [mode, boundary coordinate] of the massless boundary', error)
+         if (.not. allocated(error)) call write_masses(file, reduced, error)
          call put(file, '/model/reduction/method', [reduced%method], 'method of reduction', error)
          call put(file, '/model/reduction/rows', record%rows, '1', 'rows of the finite-element matrices', error)
          call put(file, '/model/reduction/factor_entries', real(record%factor_entries, wp), '1', &
@@ -256,6 +258,39 @@ contains
          call put(file, '/model/reduction/seconds', record%seconds, 's', 'wall time of the reduction', error)
       end associate
    end subroutine write_model
+
+   !> Mass of the bodies and what the reduced model carries of it: /model/bodies; motions that are soft: /model/soft_motions.
+   subroutine write_masses(file, reduced, error)
+      type(hdf5_file_t), intent(in) :: file
+      type(reduced_model_t), intent(in) :: reduced
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      k = 0
+      if (allocated(reduced%soft_frequency)) k = size(reduced%soft_frequency)
+      if (k > 0) then
+         call put(file, '/model/soft_motions/frequency', reduced%soft_frequency, 'Hz', &
+            & '[motion]: of boundary motions with the mass alone that the tied modes do not carry', error)
+         call put(file, '/model/soft_motions/residual_share', reduced%soft_share, '1', &
+            & '[motion]: that mass over all mass of the motion', error)
+         call put(file, '/model/soft_motions/kept', size(reduced%frequency) - reduced%tied_modes, '1', &
+            & 'motions whose residual mass the reduced model keeps', error)
+      end if
+      if (.not. allocated(reduced%bodies)) return
+      if (size(reduced%bodies) == 0) return
+      associate (bodies => reduced%bodies)
+         call put(file, '/model/bodies/first_node', bodies%first_label, '1', '[body]: smallest node number', error)
+         call put(file, '/model/bodies/nodes', bodies%nodes, '1', '[body]: number of nodes', error)
+         call put(file, '/model/bodies/inertia', reshape([(bodies(k)%inertia, k=1, size(bodies))], [6, size(bodies)]), '1', &
+            & '[body, motion]: mass along x, y, z in kg, moment of inertia about x, y, z in kg m^2, supported '// &
+            & 'rows left out', error)
+         call put(file, '/model/bodies/kept_mass', reshape([(bodies(k)%kept, k=1, size(bodies))], [6, size(bodies)]), '1', &
+            & '[body, motion]: part of mass or moment of inertia that the reduced model carries when the body moves as a '// &
+            & 'whole along x, y, z or turns about x, y, z', error)
+         call put(file, '/model/bodies/rigid_frequency', reshape([(bodies(k)%frequency, k=1, size(bodies))], &
+            & [6, size(bodies)]), 'Hz', '[body, motion]: frequency of that motion on supports and springs', error)
+      end associate
+   end subroutine write_masses
 
    !> How the contact compliance is held.
    pure character(len=5) function form_of(system)
