@@ -105,7 +105,7 @@ contains
 
       do k = 1, size(methods)
          call make_preloaded(trim(methods(k)), joint, state, lib)
-         if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, 12, modes, lib)
+         if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, joint%system%n_modes, modes, lib)
          if (.not. allocated(lib)) call condensed_stiffness(joint, spread(state%contact%status /= state_open, 1, 3), stiffness, lib)
          if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)
          call good(error, lib)
@@ -126,12 +126,12 @@ contains
       logical, allocatable :: held(:, :)
 
       call make_preloaded(trim(methods(1)), joint, state, lib)
-      if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, 12, stuck, lib)
+      if (.not. allocated(lib)) call solve_linear_modes(joint%system, state%contact%status, joint%system%n_modes, stuck, lib)
       if (.not. allocated(lib)) then
          joint%system%problem%friction(::3) = 0.0_wp
          held = spread(state%contact%status /= state_open, 1, 3)
          held(2:3, ::3) = .false.
-         call solve_linear_modes(joint%system, state%contact%status, 12, modes, lib)
+         call solve_linear_modes(joint%system, state%contact%status, joint%system%n_modes, modes, lib)
       end if
       if (.not. allocated(lib)) call condensed_stiffness(joint, held, stiffness, lib)
       if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)
@@ -151,7 +151,7 @@ contains
 
       call make_brick_joint(0.0_wp, 0.5_wp, joint, lib)
       if (.not. allocated(lib)) call solve_linear_modes(joint%system, spread(state_open, 1, joint%system%problem%n_points), &
-         & 12, modes, lib)
+         & joint%system%n_modes, modes, lib)
       if (.not. allocated(lib)) call condensed_stiffness(joint, spread(spread(.false., 1, 3), 2, &
          & joint%system%problem%n_points), stiffness, lib)
       if (.not. allocated(lib)) call frequencies_of(stiffness, frequency, lib)

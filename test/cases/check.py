@@ -14,7 +14,7 @@ Every folder holds case files, their inputs and `expected.json`, which lists eve
         "dataset": "linear_modes/frequency",
         "part": [[5, 10], [0, 40]],     rows, columns, ... of the dataset, first and behind the last (if not all of it)
         "take": "first",                first (as many as expected), last, max, min, mean, range, count, share (of what is above 0):
-                                        of all numbers (NaN left out)
+                                        of all numbers (NaN left out); amplitude: half the range of the last 15 %
         "expected": [34106.7, 36828.0],
         "relative": 1e-6}],             or "absolute"
       "options": ["--check"],           more arguments
@@ -43,7 +43,8 @@ HERE = Path(__file__).resolve().parent
 TAKE = {"first": lambda values, n: values[:n], "last": lambda values, n: values[-n:],
         "max": lambda values, n: [values.max()], "min": lambda values, n: [values.min()],
         "mean": lambda values, n: [values.mean()], "range": lambda values, n: [np.ptp(values)],
-        "count": lambda values, n: [values.size], "share": lambda values, n: [np.mean(values > 0)]}
+        "count": lambda values, n: [values.size], "share": lambda values, n: [np.mean(values > 0)],
+        "amplitude": lambda values, n: [0.5 * np.ptp(values[-(3 * values.size // 20):])]}
 
 
 def make_matrices(folder):

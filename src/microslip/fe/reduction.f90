@@ -157,27 +157,34 @@ contains
       reduced%record%solves = reduced%record%solves + size(forces, 2)
 
       product = condensed_forces(stiffness, factor, boundary, inertia)
-      call measure_kept_mass(inertia, theta, alpha_t(:, :tied), motions%shape, product, reduced)
+      call measure_kept_mass(inertia, theta, reduced, alpha_t(:, :tied), motions%shape, product)
       reduced%record%solves = reduced%record%solves + size(inertia, 2)
    end subroutine reduce_craig_bampton
 
    !> |z|^2/u^T M u, z = [Theta^T M u; V^T R^T M u]: the part of the bodies' mass that the retained motions carry.
-   subroutine measure_kept_mass(inertia, theta, alpha_t, v, condensed, reduced)
-      !> M u (rows, 6 bodies), Theta, alpha^T, soft motions V (boundary, motions), P^T M u (boundary, 6 bodies)
-      real(wp), intent(in), contiguous :: inertia(:, :), theta(:, :), alpha_t(:, :), v(:, :), condensed(:, :)
+   subroutine measure_kept_mass(inertia, theta, reduced, alpha_t, v, condensed)
+      !> M u (rows, 6 bodies), modes Theta
+      real(wp), intent(in), contiguous :: inertia(:, :), theta(:, :)
       type(reduced_model_t), intent(inout) :: reduced
-      real(wp), allocatable :: z(:, :), left(:, :), s(:, :)
+      !> alpha^T, soft motions V (boundary, motions), P^T M u (boundary, 6 bodies)
+      real(wp), intent(in), contiguous, optional :: alpha_t(:, :), v(:, :), condensed(:, :)
+      real(wp), allocatable :: z(:, :), left(:, :), s(:, :), kept(:)
       integer :: k, r
 
-      allocate (z(size(theta, 2), size(inertia, 2)), s(size(v, 2), size(inertia, 2)))
+      allocate (z(size(theta, 2), size(inertia, 2)))
       call product_of(theta, inertia, z, transpose_a=.true.)
-      left = condensed
-      call product_of(alpha_t, z, left, factor=-1.0_wp, keep=1.0_wp)
-      call product_of(v, left, s, transpose_a=.true.)
+      kept = sum(z**2, 1)
+      if (present(v)) then
+         left = condensed
+         call product_of(alpha_t, z, left, factor=-1.0_wp, keep=1.0_wp)
+         allocate (s(size(v, 2), size(inertia, 2)))
+         call product_of(v, left, s, transpose_a=.true.)
+         kept = kept + sum(s**2, 1)
+      end if
       do k = 1, size(reduced%bodies)
          do r = 1, 6
-            associate (column => 6*(k - 1) + r, total => reduced%bodies(k)%inertia(r))
-               if (total > 0.0_wp) reduced%bodies(k)%kept(r) = (sum(z(:, column)**2) + sum(s(:, column)**2))/total
+            associate (total => reduced%bodies(k)%inertia(r))
+               if (total > 0.0_wp) reduced%bodies(k)%kept(r) = kept(6*(k - 1) + r)/total
             end associate
          end do
       end do
@@ -243,9 +250,7 @@ contains
       allocate (reduced%pattern_b, mold=residual)
       call product_symmetric(reduced%K_bb, residual, reduced%pattern_b)
       call product_of(phi_b, reduced%pattern_b, reduced%pattern_i, transpose_a=.true., factor=-1.0_wp, keep=1.0_wp)
-      residual = inertia(:0, :)
-      scaled = inertia(:0, :)
-      call measure_kept_mass(inertia, phi, phi(:0, :), residual, scaled, reduced)
+      call measure_kept_mass(inertia, phi, reduced)
       call turn_to_tied_modes(reduced, error)
    end subroutine reduce_macneal
 
