@@ -79,7 +79,8 @@ contains
       call one_fault(error, "height = ", "hieght = 1e-6, height = ", &
          "line 8: &topography 1 'hill': hieght = 1e-6: allowed: unknown key, did you mean 'height'?")
       call one_fault(error, "n_modes = 30", "n_modes = 30 oil = 3", &
-         "&reduction: oil = 3: allowed: unknown key, the keys are 'method', 'n_modes', 'cutoff_frequency', 'residual_mass', 'cache'")
+         "&reduction: oil = 3: allowed: unknown key, the keys are 'method', 'n_modes', 'cutoff_frequency', "// &
+         & "'residual_mass', 'cache'")
       call one_fault(error, "friction = 0.6", "friction = 0.6, Friction = 0.7", &
          "line 4: &interface 1 'left': friction = 0.6, 0.7: allowed: a number >= 0 (given twice (lines 4 and 4))")
       call one_fault(error, "&reduction n_modes = 30", "&reduction 5 n_modes = 30", &
