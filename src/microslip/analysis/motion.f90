@@ -15,6 +15,8 @@ module microslip_analysis_motion
    type :: motion_t
       integer :: step = 0
       real(wp), allocatable :: d(:), v_before(:), v_after(:)
+      !> Khat d, as `next_velocity` left it
+      real(wp), allocatable :: restoring(:)
       !> (loads) amplitudes now, and the part that stays on
       real(wp), allocatable :: amplitude(:), constant(:)
       type(contact_state_t) :: contact

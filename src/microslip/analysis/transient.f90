@@ -328,14 +328,15 @@ contains
       call measure(system, options%time_step, motion)
    end subroutine begin
 
-   !> v_{k+1/2} from v_{k-1/2} and the forces at t_k.
+   !> v_{k+1/2} from v_{k-1/2} and the forces at t_k; Khat d_k is kept for the energy.
    pure subroutine next_velocity(system, dt, motion)
       type(jointed_system_t), intent(in) :: system
       real(wp), intent(in) :: dt
       type(motion_t), intent(inout) :: motion
 
+      motion%restoring = matmul(system%stiffness, motion%d)
       motion%v_after = (matmul(system%load_modal, motion%amplitude) + motion%solved%reaction(:system%n_modes) &
-         & - matmul(system%stiffness, motion%d) + (1.0_wp/dt - 0.5_wp*system%damping)*motion%v_before) &
+         & - motion%restoring + (1.0_wp/dt - 0.5_wp*system%damping)*motion%v_before) &
          & /(1.0_wp/dt + 0.5_wp*system%damping)
    end subroutine next_velocity
 
@@ -346,7 +347,7 @@ contains
       type(jointed_system_t), intent(in) :: system
       type(motion_t), intent(in) :: motion
       elastic_energy = motion%solved%contact_energy &
-         & + 0.5_wp*(dot_product(motion%d, matmul(system%stiffness, motion%d)) &
+         & + 0.5_wp*(dot_product(motion%d, motion%restoring) &
          & + dot_product(motion%amplitude, matmul(system%load_load, motion%amplitude))) &
          & + sum(motion%solved%reaction(system%n_modes + 1:)*motion%amplitude, .not. system%imposed)
    end function elastic_energy

@@ -47,6 +47,9 @@ contains
       do k = 1, min(size(reduced%bodies), bodies_named)
          call log%line(mass_line(reduced, k))
       end do
+      if (allocated(reduced%soft_frequency)) then
+         if (kept < size(reduced%soft_frequency)) return
+      end if
       do k = 1, size(reduced%bodies)
          call warn_of_body(reduced, k, warnings)
       end do

@@ -37,7 +37,7 @@ module microslip_fe_residual_mass
 
    !> Motions softer than this part of the highest tied frequency are found. The residual mass of all stiffer ones changes the
    !> square of a frequency omega by no more than (omega/(softness omega_max))^2.
-   real(wp), parameter :: softness = 0.5_wp
+   real(wp), parameter :: softness = 0.3_wp
    !> Residual mass below this share of the motion's mass is none.
    real(wp), parameter :: negligible_share = 1.0e-6_wp
    !> Vectors of the subspace at the start: the six rigid motions of one body and two to spare.
