@@ -181,7 +181,8 @@ contains
       call reduce_model(run, error)
       if (.not. allocated(error) .and. run%case%reduction%method == craig_bampton_massless) call run%log%line( &
          & 'tied frequencies, Hz:'//listed(run%reduced%frequency(:min(6, run%reduced%tied_modes))))
-      if (.not. allocated(error)) call check_times(run%case, run%scene, run%reduced%frequency(:run%reduced%tied_modes), run%warnings)
+      if (.not. allocated(error)) call check_times(run%case, run%scene, &
+         & run%reduced%frequency(:run%reduced%tied_modes), run%warnings)
       ! Now the number of time steps is known.
       if (.not. allocated(error)) then
          before = memory_estimate(run%demand)
