@@ -15,7 +15,7 @@ module microslip_analysis_continuation
    implicit none(type, external)
    private
 
-   public :: curve_problem_t, curve_options_t, curve_record_t, correction_t, trace_curve, why_ended
+   public :: curve_problem_t, curve_options_t, curve_record_t, correction_t, trace_curve, why_ended, step_to_curve
    public :: ended_at_last, ended_before_first, ended_by_user, no_start, no_step, too_many_points
 
    !> How a curve ended.
@@ -28,6 +28,8 @@ module microslip_analysis_continuation
    real(wp), parameter :: almost = 0.05_wp
    !> Most halvings of a correction.
    integer, parameter :: max_halvings = 4
+   !> Times that a point is solved again because the problem is not content with it.
+   integer, parameter :: max_rejections = 10
    !> Corrections after which a step is neither lengthened nor shortened.
    integer, parameter :: usual_iterations = 4
 
@@ -113,7 +115,7 @@ module microslip_analysis_continuation
          class(curve_problem_t), intent(inout) :: self
          real(wp), intent(in) :: y(:)
          type(correction_t), intent(in) :: correction
-         !> go_on, solve_again (the problem has changed) or stop_here
+         !> go_on, solve_again (the problem has changed, or is not content) or stop_here
          integer, intent(out) :: verdict
          type(error_t), allocatable, intent(out) :: error
       end subroutine take_interface
@@ -146,7 +148,8 @@ contains
       record%failed = correction
       if (allocated(error) .or. .not. correction%converged) return
       call hand_over(problem, options, parameter_row(n), y, correction, record, error)
-      if (allocated(error) .or. record%reason == ended_by_user) return
+      record%failed = correction
+      if (allocated(error) .or. record%reason == ended_by_user .or. .not. correction%converged) return
       if (last == start(n)) then
          record%reason = ended_at_last
          return
@@ -173,6 +176,10 @@ contains
          end if
          if (allocated(error)) return
          correction%step = norm2((trial - y)/w)
+         if (correction%converged .and. correction%step <= 2.0_wp*max(step, options%smallest_step)) then
+            call hand_over(problem, options, merge(parameter_row(n), tangent, at_end), trial, correction, record, error)
+            if (allocated(error) .or. record%reason == ended_by_user) return
+         end if
          if (.not. correction%converged .or. correction%step > 2.0_wp*max(step, options%smallest_step)) then
             record%failures = record%failures + 1
             record%failed = correction
@@ -183,8 +190,6 @@ contains
          before = reshape([before(:, 2), y], [n, 2])
          solved = solved + 1
          y = trial
-         call hand_over(problem, options, merge(parameter_row(n), tangent, at_end), y, correction, record, error)
-         if (allocated(error) .or. record%reason == ended_by_user) return
          record%reason = ended_at_last
          if (at_end) return
          record%reason = ended_before_first
@@ -250,7 +255,7 @@ contains
       row(n) = 1.0_wp
    end function parameter_row
 
-   !> Hand a point to the problem; where it has changed thereby, solve it again.
+   !> Hand a point to the problem; where that has changed thereby, or is not content, solve it again.
    subroutine hand_over(problem, options, row, y, correction, record, error)
       class(curve_problem_t), intent(inout) :: problem
       type(curve_options_t), intent(in) :: options
@@ -259,15 +264,24 @@ contains
       type(correction_t), intent(inout) :: correction
       type(curve_record_t), intent(inout) :: record
       type(error_t), allocatable, intent(out) :: error
-      integer :: verdict
+      type(correction_t) :: again
+      integer :: rejections, verdict
 
-      do
+      do rejections = 0, max_rejections
          call problem%take(y, correction, verdict, error)
          if (allocated(error)) return
          if (verdict /= solve_again) exit
+         again = correction
          call correct(problem, options, row, problem%lengths(y), y, correction, record, error)
          if (allocated(error)) return
+         correction%iterations = correction%iterations + again%iterations
+         correction%evaluations = correction%evaluations + again%evaluations
+         correction%jacobians = correction%jacobians + again%jacobians
+         correction%step = again%step
+         if (.not. correction%converged) return
       end do
+      correction%converged = rejections <= max_rejections
+      if (.not. correction%converged) return
       record%points = record%points + 1
       if (verdict == stop_here) record%reason = ended_by_user
    end subroutine hand_over
@@ -316,6 +330,33 @@ contains
       record%evaluations = record%evaluations + correction%evaluations
       record%jacobians = record%jacobians + correction%jacobians
    end subroutine correct
+
+   !> The change of y that takes a residual away, to first order: at the same parameter, or at right angles to the curve.
+   !> The last residual was evaluated at y.
+   subroutine step_to_curve(problem, y, r, same_parameter, anew, step, error)
+      class(curve_problem_t), intent(inout) :: problem
+      !> (n + 1) a point of the curve
+      real(wp), intent(in) :: y(:)
+      !> (n) what is missing there
+      real(wp), intent(in) :: r(:)
+      logical, intent(in) :: same_parameter
+      !> Whether the Jacobian must be computed anew
+      logical, intent(in) :: anew
+      !> (n + 1)
+      real(wp), intent(out) :: step(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: w(size(y)), row(size(y)), b(size(y), 1)
+      logical :: singular
+
+      w = problem%lengths(y)
+      row = parameter_row(size(y))
+      if (.not. same_parameter) call find_tangent(problem, y, anew, w, row, error)
+      if (allocated(error)) return
+      b(:, 1) = [-r, 0.0_wp]
+      call solve_bordered(problem, y, anew .and. same_parameter, row, w, b, singular, error)
+      step = huge(1.0_wp)
+      if (.not. (allocated(error) .or. singular)) step = w*b(:, 1)
+   end subroutine step_to_curve
 
    !> The tangent at a solved point, in units of w; it goes on in the direction of the last one.
    subroutine find_tangent(problem, y, anew, w, tangent, error)

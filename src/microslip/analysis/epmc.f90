@@ -5,21 +5,26 @@
 !>     |psi_1|^2 = 1        (fundamental harmonic: a is the modal amplitude, the modal mass is the identity)
 !>     phi^T psi_s,1 = 0    (phase: the linear mode phi is at its extreme at tau = 0)
 !> y = [psi; omega/omega_0; zeta; log10 a] with the linear frequency omega_0; r is scaled by omega_0^2 a. The curve over a
-!> begins with the linear mode about the operating state.
+!> begins with the linear mode about the operating state; where no motion is found from there at the first amplitude, it is
+!> followed from one that leaves all points stuck.
 module microslip_analysis_epmc
    use microslip_analysis_continuation, only: correction_t, curve_options_t, curve_problem_t, curve_record_t, &
-      & go_on, solve_again, trace_curve, why_ended
+      & ended_at_last, go_on, no_start, solve_again, step_to_curve, trace_curve, why_ended
    use microslip_analysis_operating_state, only: operating_state_t
-   use microslip_analysis_periodic_balance, only: periodic_balance_t, repeat_share
-   use microslip_analysis_response_point, only: response_point_t, response_recorder_t
+   use microslip_analysis_periodic_balance, only: fit_contact, periodic_balance_t, repeat_share
+   use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t
    use microslip_contact_factory, only: contact_options_t
-   use microslip_core_error, only: error_t, failure
+   use microslip_core_error, only: error_t, bad_input, failure
    use microslip_core_kinds, only: wp, pi
+   use microslip_core_text, only: to_text
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
 
    public :: epmc_options_t, run_epmc
+
+   !> Smallest part of the first amplitude to come from, and decades of a step on that way.
+   real(wp), parameter :: smallest_amplitude = 1.0e-8_wp, path_decades = 0.25_wp
 
    type :: epmc_options_t
       !> (modes) linear mode about the operating state, of unit modal mass, and its frequency in Hz
@@ -53,6 +58,11 @@ module microslip_analysis_epmc
       !> Largest scaled residual of a point
       real(wp) :: tolerance = 0.0_wp
       class(response_recorder_t), pointer :: recorder => null()
+      !> (n + 1) the last point, and that of the largest neglected velocity
+      real(wp), allocatable :: last(:), worst(:)
+      real(wp) :: worst_velocity = -1.0_wp
+      !> Points on the way to the first amplitude are not handed on
+      logical :: on_the_way = .false.
    contains
       procedure :: residual
       procedure :: jacobian
@@ -63,7 +73,7 @@ module microslip_analysis_epmc
 contains
 
    !> The mode over its amplitude; what was found before a failure is with the recorder.
-   subroutine run_epmc(system, operating, options, contact_options, recorder, record, error)
+   subroutine run_epmc(system, operating, options, contact_options, recorder, record, error, truncation)
       !> Its potential contact set may grow
       type(jointed_system_t), intent(inout), target :: system
       !> It follows the potential contact set
@@ -73,13 +83,20 @@ contains
       class(response_recorder_t), intent(inout), target :: recorder
       type(curve_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
+      !> What harmonics and samples miss
+      type(truncation_t), intent(out), optional :: truncation
       type(nonlinear_mode_t) :: problem
       type(curve_options_t) :: curve
       real(wp), allocatable :: y(:)
-      real(wp) :: per_sensor
+      character(len=:), allocatable :: way
+      real(wp) :: per_sensor, least
 
+      way = ''
+      least = minval(options%amplitude_range)/max(tiny(1.0_wp), &
+         & maxval(norm2(matmul(reshape(options%shape, [1, size(options%shape)]), system%sensor_modal(:, options%sensors)), 1)))
       call problem%balance%set_up(system, operating, options%sensors, options%harmonics, options%samples, &
-         & contact_options, error)
+         & fit_contact(contact_options, system, operating, repeat_share*options%tolerance*(2.0_wp*pi*options%frequency)**2*least), &
+         & error)
       if (allocated(error)) return
       problem%shape = options%shape
       problem%omega = 2.0_wp*pi*options%frequency
@@ -93,11 +110,116 @@ contains
          curve = curve_options_t(tolerance=options%tolerance, max_iterations=options%max_iterations, first_step=1.0_wp, &
             & smallest_step=options%smallest_step, max_points=options%max_points)
          y = linear_mode(problem, range(1))
-         call trace_curve(problem, y, range(2), curve, record, error)
+         call check_tolerance(problem, y, error)
+         if (.not. allocated(error)) call trace_curve(problem, y, range(2), curve, record, error)
+         if (.not. allocated(error) .and. record%reason == no_start) then
+            call come_from_small_amplitude(problem, curve, y, way, error)
+            if (.not. allocated(error) .and. way == '') call trace_curve(problem, y, range(2), curve, record, error)
+         end if
       end associate
       operating = problem%balance%operating
-      if (.not. allocated(error) .and. why_ended(record) /= '') call failure(error, 'epmc: '//why_ended(record))
+      if (allocated(error)) return
+      if (present(truncation) .and. record%points > 0) call estimate_truncation(problem, truncation)
+      if (why_ended(record) /= '') call failure(error, 'epmc: '//why_ended(record)//way)
    end subroutine run_epmc
+
+   !> A tolerance below what rounding leaves of the balance can not be met.
+   subroutine check_tolerance(problem, y, error)
+      type(nonlinear_mode_t), intent(in) :: problem
+      !> The linear mode at the first amplitude
+      real(wp), intent(in) :: y(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: a, floor
+
+      a = 10.0_wp**y(size(y))
+      floor = problem%balance%noise_of(a*y(:problem%balance%unknowns()))/(problem%omega**2*a)
+      if (problem%tolerance < floor) call bad_input(error, '&epmc: tolerance = '//to_text(problem%tolerance) &
+         & //' can not be reached at the first amplitude, rounding of the contact forces under the preload alone leaves '// &
+         & 'more; allowed here: >= '//to_text(floor, 2))
+   end subroutine check_tolerance
+
+   !> The mode at the first amplitude, followed from one that leaves all closed points stuck.
+   subroutine come_from_small_amplitude(problem, options, y, way, error)
+      type(nonlinear_mode_t), intent(inout) :: problem
+      type(curve_options_t), intent(in) :: options
+      !> (n + 1) the linear mode on entry, the one that was found on return
+      real(wp), intent(inout) :: y(:)
+      !> How far it could be followed, blank if to the end
+      character(len=:), allocatable, intent(out) :: way
+      type(error_t), allocatable, intent(out) :: error
+      type(curve_record_t) :: record
+      real(wp) :: amplitude_step, decades, last
+
+      way = ''
+      amplitude_step = problem%amplitude_step
+      last = y(size(y))
+      decades = 0.0_wp
+      do
+         decades = decades - 1.0_wp
+         call problem%balance%evaluate(10.0_wp**(last + decades)*y(:problem%balance%unknowns()))
+         if (problem%balance%cycle%counts(3) == 0 .or. decades <= log10(smallest_amplitude)) exit
+      end do
+      y(size(y)) = last + decades
+      problem%amplitude_step = path_decades
+      problem%on_the_way = .true.
+      call trace_curve(problem, y, last, options, record, error)
+      problem%on_the_way = .false.
+      problem%amplitude_step = amplitude_step
+      if (allocated(error)) return
+      if (allocated(problem%last)) y = problem%last
+      if (record%reason /= ended_at_last) way = '; from a small amplitude it could be followed to ' &
+         & //to_text(10.0_wp**(y(size(y)) - last), 3)//' of the first one'
+   end subroutine come_from_small_amplitude
+
+   !> What harmonics and samples miss at the point of the curve where most is missing.
+   subroutine estimate_truncation(problem, truncation)
+      type(nonlinear_mode_t), intent(inout) :: problem
+      type(truncation_t), intent(out) :: truncation
+      type(nonlinear_mode_t) :: fine
+      type(response_point_t) :: point
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: y(:), r(:), fine_y(:), fine_r(:), step(:), beyond(:, :)
+      real(wp) :: a, change(2, 2)
+      integer :: harmonics, k, m, n
+
+      y = problem%worst
+      associate (balance => problem%balance)
+         m = balance%system%n_modes
+         n = size(y) - 3
+         a = 10.0_wp**y(n + 3)
+         harmonics = balance%spectrum_harmonics()
+         allocate (r(n + 2), step(n + 3))
+         call problem%residual(y, .true., r, error)
+         if (allocated(error)) return
+         point = balance%describe()
+         fine%shape = problem%shape
+         fine%omega = problem%omega
+         fine%tolerance = problem%tolerance
+         call fine%balance%set_up(balance%system, balance%operating, balance%sensors, harmonics, 2*balance%samples(), &
+            & balance%contact_options, error)
+         if (allocated(error)) return
+         allocate (fine_y(fine%balance%unknowns() + 3), fine_r(fine%balance%unknowns() + 2), source=0.0_wp)
+         fine_y(:n) = y(:n)
+         fine_y(size(fine_y) - 2:) = y(n + 1:)
+         do k = 1, 2
+            call fine%residual(fine_y, .true., fine_r, error)
+            if (allocated(error) .or. fine%balance%doubt() > 0.0_wp) return
+            call step_to_curve(problem, y, [fine_r(:n), fine_r(size(fine_r) - 1:)], .true., k == 1, step, error)
+            if (allocated(error)) return
+            change(:, k) = step([n + 2, n + 1])/y([n + 2, n + 1])
+            if (k == 2) exit
+            call balance%neglected(problem%omega*y(n + 1), -2.0_wp*y(n + 2)*problem%omega*y(n + 1), harmonics, beyond, error, &
+               & fine%balance)
+            if (allocated(error)) return
+            fine_y(n + 1:size(fine_y) - 3) = reshape(beyond(:, n/m + 1:), [size(fine_y) - 3 - n])/a
+         end do
+         truncation%frequency = problem%omega*y(n + 1)/(2.0_wp*pi)
+         truncation%amplitude = point%amplitude
+         truncation%by_samples = change(:, 1)
+         truncation%by_both = change(:, 2)
+         truncation%known = .true.
+      end associate
+   end subroutine estimate_truncation
 
    !> Modal amplitude of the linear mode per amplitude at the sensor, sqrt(kg).
    subroutine modal_amplitude_per_sensor(problem, options, per_sensor, error)
@@ -152,9 +274,7 @@ contains
       n = size(y) - 3
       a = 10.0_wp**y(n + 3)
       psi = reshape(y(:n), [size(self%shape), n/size(self%shape)])
-      associate (omega => self%omega*y(n + 1), zeta => y(n + 2))
-         rest = self%balance%linear_force(a*psi, omega, -2.0_wp*zeta*omega)
-      end associate
+      rest = rest_of(self, y)
       call self%balance%evaluate(a*y(:n), first, rest, repeat_share*self%tolerance*self%omega**2*a)
       r(:n) = reshape(rest - self%balance%force, [n])/(self%omega**2*a)
       r(n + 1) = sum(psi(:, 2:3)**2) - 1.0_wp
@@ -162,6 +282,21 @@ contains
       doubt = self%balance%doubt()
       if (doubt > 0.0_wp) r(1) = merge(huge(1.0_wp), abs(r(1)) + doubt/(self%omega**2*a), doubt >= huge(1.0_wp))
    end subroutine residual
+
+   !> The balance but for the contact forces, (modes, 2H + 1).
+   function rest_of(self, y) result(rest)
+      class(nonlinear_mode_t), intent(in) :: self
+      real(wp), intent(in) :: y(:)
+      real(wp), allocatable :: rest(:, :)
+      real(wp), allocatable :: psi(:, :)
+      integer :: n
+
+      n = size(y) - 3
+      psi = reshape(y(:n), [size(self%shape), n/size(self%shape)])
+      associate (omega => self%omega*y(n + 1), zeta => y(n + 2))
+         rest = self%balance%linear_force(10.0_wp**y(n + 3)*psi, omega, -2.0_wp*zeta*omega)
+      end associate
+   end function rest_of
 
    !> Its derivative.
    subroutine jacobian(self, y, anew, J, error)
@@ -209,7 +344,7 @@ contains
       w(size(w)) = self%amplitude_step
    end function lengths
 
-   !> Check the points left out, and hand the point on.
+   !> See whether the point stays one, check the points left out, and hand it on.
    subroutine take(self, y, correction, verdict, error)
       class(nonlinear_mode_t), intent(inout) :: self
       real(wp), intent(in) :: y(:)
@@ -217,18 +352,29 @@ contains
       integer, intent(out) :: verdict
       type(error_t), allocatable, intent(out) :: error
       type(response_point_t) :: point
+      real(wp) :: missing, scale
       integer :: added, n
 
-      verdict = solve_again
-      call self%balance%check_left_out(added, error)
-      if (allocated(error) .or. added > 0) return
-      verdict = go_on
       n = size(y) - 3
+      scale = self%omega**2*10.0_wp**y(n + 3)
+      verdict = solve_again
+      call self%balance%confirm(rest_of(self, y), self%tolerance*scale, missing, added, error)
+      if (allocated(error) .or. added > 0 .or. missing > self%tolerance*scale) return
+      verdict = go_on
+      self%last = y
+      if (self%on_the_way) return
       point = self%balance%describe()
       point%frequency = self%omega*y(n + 1)/(2.0_wp*pi)
       point%damping_ratio = y(n + 2)
       point%modal_amplitude = 10.0_wp**y(n + 3)
       point%correction = correction
+      point%correction%residual = max(correction%residual, missing/scale)
+      point%neglected_velocity = self%balance%neglected_velocity(point, self%omega*y(n + 1), &
+         & -2.0_wp*y(n + 2)*self%omega*y(n + 1))
+      if (point%neglected_velocity > self%worst_velocity) then
+         self%worst = y
+         self%worst_velocity = point%neglected_velocity
+      end if
       call self%recorder%record(point, error)
    end subroutine take
 

@@ -6,7 +6,7 @@ module microslip_analysis_response_point
    implicit none(type, external)
    private
 
-   public :: response_point_t, response_recorder_t
+   public :: response_point_t, response_recorder_t, truncation_t
 
    type :: response_point_t
       !> Forced: factor on the load pattern
@@ -23,18 +23,34 @@ module microslip_analysis_response_point
       !> At the chosen sensor, m: L2 norm of all harmonics' amplitudes (and over its directions), which is sqrt(2) times the
       !> root mean square of the vibration
       real(wp) :: amplitude = 0.0_wp
+      !> The same sensor, m: largest distance from the mean over all samples
+      real(wp) :: peak = 0.0_wp
+      !> What the harmonics beyond the series would add to the velocity of the sensor where they all meet, over the size of the
+      !> velocity: the part by which turning points are shifted
+      real(wp) :: neglected_velocity = 0.0_wp
       !> rad, fundamental harmonic of the direction that moves most: u = A cos(tau + phase)
       real(wp) :: phase = 0.0_wp
       !> Most points that were open, stuck, slipped at one sample
       integer :: counts(3) = 0
       !> Periods that the contact was marched
       integer :: periods = 0
-      !> How far the forces are from repeating, over their range
+      !> Bound of what later periods would still change the forces by, over their range
       real(wp) :: repeat_error = 0.0_wp
       !> J per period
       real(wp) :: friction_loss = 0.0_wp
       type(correction_t) :: correction
    end type response_point_t
+
+   !> What harmonics and samples miss at one point of a curve: its motion is put on twice the samples, first as it is, then
+   !> with the harmonics that its contact forces excite beyond the series; a step of Newton's method tells what that changes.
+   type :: truncation_t
+      logical :: known = .false.
+      !> Hz and m: the point, that of the largest `neglected_velocity`
+      real(wp) :: frequency = 0.0_wp, amplitude = 0.0_wp
+      !> Relative changes, by the samples alone and by both: forced response: of amplitude and frequency, at right angles to
+      !> the curve; nonlinear mode: of damping ratio and frequency, at the same amplitude
+      real(wp) :: by_samples(2) = 0.0_wp, by_both(2) = 0.0_wp
+   end type truncation_t
 
    !> Who takes the points: knows files or memory, the analyses know neither.
    type, abstract :: response_recorder_t

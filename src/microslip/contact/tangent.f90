@@ -38,6 +38,8 @@ module microslip_contact_tangent
       private
       !> (points) place of a point in A, 0 outside
       integer, allocatable :: place(:)
+      !> Drivers that are differentiated by
+      integer, allocatable :: drivers(:)
       !> (3 in A, 3 in A) N/m
       real(wp), allocatable :: M(:, :)
       !> (3 in A, drivers) and (drivers, drivers)
@@ -53,19 +55,20 @@ module microslip_contact_tangent
 contains
 
    !> Factorise for the points that close.
-   subroutine set_up(self, problem, closes, n_drivers, error)
+   subroutine set_up(self, problem, closes, drivers, error)
       class(contact_tangent_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
       !> (points) whether a point is closed at any time
       logical, intent(in) :: closes(:)
-      !> The first so many drivers are differentiated by
-      integer, intent(in) :: n_drivers
+      !> These are differentiated by
+      integer, intent(in) :: drivers(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: R(:, :)
       integer, allocatable :: rows(:)
       integer :: p, c
 
       rows = pack([(p, p=1, size(closes))], closes)
+      self%drivers = drivers
       self%place = unpack([(p, p=1, size(rows))], closes, 0)
       rows = [((3*rows(p) - 3 + c, c=1, 3), p=1, size(rows))]
       self%friction = problem%friction((rows + 2)/3)
@@ -75,21 +78,23 @@ contains
          error%message = 'contact compliance G is not positive definite on the points that close: '//error%message
          return
       end if
-      R = problem%R(rows, :n_drivers)
+      R = problem%R(rows, drivers)
       self%S = R
       call product_symmetric(self%M, R, self%S)
       self%S = -self%S
       self%stiffness = matmul(transpose(R), self%S)
    end subroutine set_up
 
-   !> Whether all these points are in the set.
-   pure logical function covers(self, closes)
+   !> Whether it is set up for these drivers, and all these points.
+   pure logical function covers(self, closes, drivers)
       class(contact_tangent_t), intent(in) :: self
       !> (points)
       logical, intent(in) :: closes(:)
+      integer, intent(in) :: drivers(:)
 
       covers = allocated(self%place)
-      if (covers) covers = size(self%place) == size(closes)
+      if (covers) covers = size(self%place) == size(closes) .and. size(self%drivers) == size(drivers)
+      if (covers) covers = all(self%drivers == drivers)
       if (covers) covers = all(self%place > 0 .or. .not. closes)
    end function covers
 

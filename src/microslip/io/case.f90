@@ -275,6 +275,8 @@ module microslip_io_case
       real(wp), allocatable :: frequency_step
       real(wp) :: response_step = 0.25_wp
       real(wp) :: tolerance = 1.0e-6_wp
+      !> Corrections of a point
+      integer :: max_iterations = 12
       integer :: max_points = 1000
    end type harmonic_balance_case_t
 
@@ -290,6 +292,8 @@ module microslip_io_case
       integer :: harmonics = 5, samples = 50
       real(wp) :: response_step = 0.5_wp
       real(wp) :: tolerance = 1.0e-8_wp
+      !> Corrections of a point
+      integer :: max_iterations = 12
       integer :: max_points = 1000
    end type epmc_case_t
 

@@ -3,7 +3,6 @@ module microslip_io_case_periodic
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
    use microslip_io_case, only: harmonic_balance_case_t, epmc_case_t
-   use microslip_io_case_model, only: smallest_tolerance
    use microslip_io_group_keys, only: group_keys_t
    use microslip_io_value_range, only: positive, at_least, between
    implicit none(type, external)
@@ -13,6 +12,11 @@ module microslip_io_case_periodic
 
    !> Most levels, harmonics, samples, points.
    integer, parameter :: most_levels = 1000, most_harmonics = 1000, most_samples = 100000, most_points = 1000000
+   !> Most corrections of a point.
+   integer, parameter :: most_iterations = 1000
+   !> Part of the load that rounding of contact forces of its size leaves of a balance, with a margin; larger contact forces
+   !> leave more, which the analysis tells before it begins (`noise_of` in analysis/periodic_balance.f90).
+   real(wp), parameter :: smallest_tolerance = 1.0e-13_wp
 
 contains
 
@@ -31,6 +35,7 @@ contains
       call keys%optional_real('frequency_step', record%frequency_step, positive)
       call keys%real_key('response_step', record%response_step, between(0.0_wp, 1.0_wp, closed_upper=.true.))
       call keys%real_key('tolerance', record%tolerance, between(smallest_tolerance, 1.0_wp, closed_lower=.true.))
+      call keys%integer_key('max_iterations', record%max_iterations, at_least(1, most_iterations))
       call keys%integer_key('max_points', record%max_points, at_least(1, most_points))
       call keys%finish()
    end subroutine harmonic_balance_keys
@@ -49,6 +54,7 @@ contains
       call series_keys(keys, record%harmonics, record%samples)
       call keys%real_key('response_step', record%response_step, between(0.0_wp, 1.0_wp, closed_upper=.true.))
       call keys%real_key('tolerance', record%tolerance, between(smallest_tolerance, 1.0_wp, closed_lower=.true.))
+      call keys%integer_key('max_iterations', record%max_iterations, at_least(1, most_iterations))
       call keys%integer_key('max_points', record%max_points, at_least(1, most_points))
       call keys%finish()
    end subroutine epmc_keys

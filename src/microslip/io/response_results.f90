@@ -2,8 +2,9 @@
 !>
 !> Every point is appended as it is found; the file is published every so often, and where a run ends early.
 module microslip_io_response_results
+   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
    use microslip_analysis_continuation, only: curve_record_t, ended_at_last
-   use microslip_analysis_response_point, only: response_point_t, response_recorder_t
+   use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t
    use microslip_core_error, only: error_t
    use microslip_core_interruption, only: hold_signals, release_signals, stop_requested
    use microslip_core_kinds, only: wp
@@ -16,18 +17,20 @@ module microslip_io_response_results
 
    !> A series of one number per point.
    type :: column_t
-      character(len=15) :: name
+      character(len=18) :: name
       character(len=9) :: units
-      character(len=90) :: description
+      character(len=110) :: description
    end type column_t
 
    !> In the order of `real_values` and `integer_values`.
-   type(column_t), parameter :: reals(8) = [ &
+   type(column_t), parameter :: reals(10) = [ &
       & column_t('frequency', 'Hz', 'frequency of the motion'), &
       & column_t('amplitude', 'm', 'amplitude at the sensor: L2 norm of all harmonics, over all of its directions'), &
       & column_t('residual', '1', 'largest residual: over the load, or over the restoring force of the linear mode'), &
       & column_t('friction_loss', 'J', 'energy lost to friction in a period'), &
-      & column_t('repeat_error', '1', 'change of the contact forces over the last period, over their range'), &
+      & column_t('repeat_error', '1', 'bound of what later periods would still change the contact forces by, over their range'), &
+      & column_t('peak', 'm', 'at the sensor: largest distance from the mean position over the samples'), &
+      & column_t('neglected_velocity', '1', 'velocity that the harmonics beyond the series would add, over that of the sensor'), &
       & column_t('level', '1', 'factor on the load pattern'), &
       & column_t('phase', 'rad', 'phase of the fundamental harmonic at the sensor, u = A cos(omega t + phase)'), &
       & column_t('damping_ratio', '1', 'damping ratio, of friction and linear viscous damping')]
@@ -39,8 +42,8 @@ module microslip_io_response_results
       & column_t('evaluations', '1', 'evaluations of the contact forces that led to the point'), &
       & column_t('periods', '1', 'periods that the contact was marched until its forces repeated')]
    !> Series of a forced response and of a nonlinear mode.
-   logical, parameter :: forced(8) = [.true., .true., .true., .true., .true., .true., .true., .false.]
-   logical, parameter :: free(8) = [.true., .true., .true., .true., .true., .false., .false., .true.]
+   logical, parameter :: forced(10) = [.true., .true., .true., .true., .true., .true., .true., .true., .true., .false.]
+   logical, parameter :: free(10) = [.true., .true., .true., .true., .true., .true., .true., .false., .false., .true.]
 
    !> Recorder that writes into a result file.
    type, extends(response_recorder_t) :: response_results_t
@@ -111,6 +114,7 @@ contains
       integer :: k
 
       number = [point%frequency, point%amplitude, point%correction%residual, point%friction_loss, point%repeat_error, &
+         & point%peak, point%neglected_velocity, &
          & point%level, point%phase, point%damping_ratio]
       count = [point%counts, point%correction%iterations, point%correction%evaluations, point%periods]
       do k = 1, size(reals)
@@ -128,19 +132,39 @@ contains
    end subroutine record
 
    !> How the curves went.
-   subroutine write_summary(self, records, error)
+   subroutine write_summary(self, records, truncation, error)
       class(response_results_t), intent(in) :: self
       !> (curves)
       type(curve_record_t), intent(in) :: records(:)
+      !> (curves)
+      type(truncation_t), intent(in) :: truncation(:)
       type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: first
+      real(wp) :: known(size(truncation))
 
       call counts('curve/points', records%points, 'points')
       call counts('curve/complete', merge(1, 0, records%reason == ended_at_last), '1 if the curve came to its end')
       call counts('curve/failed_steps', records%failures, 'steps that had to be shortened')
       call counts('curve/evaluations', records%evaluations, 'evaluations of the contact forces over a motion')
       call counts('curve/jacobians', records%jacobians, 'derivatives of the contact forces computed anew')
+      known = merge(1.0_wp, ieee_value(1.0_wp, ieee_quiet_nan), truncation%known)
+      first = 'amplitude'
+      if (self%is_mode) first = 'damping ratio'
+      call values('curve/error_at', 'Hz', truncation%frequency, 'frequency of the point that the errors are estimated for')
+      call values('curve/samples_error', '1', truncation%by_samples(1), &
+         & 'estimated relative change of the '//first//' with twice the samples')
+      call values('curve/truncation_error', '1', truncation%by_both(1), &
+         & 'the same with twice the samples and the harmonics that they tell')
+      call values('curve/frequency_error', '1', truncation%by_both(2), 'the same of the frequency')
 
    contains
+
+      subroutine values(name, unit, numbers, description)
+         character(len=*), intent(in) :: name, unit, description
+         real(wp), intent(in) :: numbers(:)
+         if (.not. allocated(error)) &
+            & call self%file%write(self%group//'/'//name, known*numbers, unit, '[curve]: '//description, error)
+      end subroutine values
 
       subroutine counts(name, values, description)
          character(len=*), intent(in) :: name, description
