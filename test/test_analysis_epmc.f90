@@ -23,6 +23,7 @@ contains
 
       testsuite = [ &
          & new_unittest('dry-friction oscillator: closed form', test_jenkins), &
+         & new_unittest('sliding body: cold start at gross slip', test_cold_start), &
          & new_unittest('small amplitudes: the linear mode', test_linear), &
          & new_unittest('energy lost is what the damping ratio says', test_energy), &
          & new_unittest('a forced response at resonance lies on the mode', test_resonance), &
@@ -71,6 +72,46 @@ contains
       end do
       call check(error, largest <= 10.0_wp*accuracy, 'deviation '//to_text(largest, 3))
    end subroutine test_jenkins
+
+   !> The same oscillator, of which the element is a hundred times stiffer, from amplitudes at which it slides: the linear mode
+   !> is far off. Falling amplitudes too.
+   subroutine test_cold_start(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(epmc_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t) :: record
+      real(wp), parameter :: spring = 1.0e4_wp, damping = 0.5_wp, element = 1.0e6_wp, limit = 3.0_wp
+      real(wp) :: a, b, theta, omega, zeta, largest
+      integer :: k
+      !> Samples see the kinks to second order, and w^3 with those that are added
+      real(wp), parameter :: accuracy = 10.0_wp*(2.0_wp*pi/400)**2
+
+      call make_jenkins(spring, damping, element, limit, system, state, lib)
+      b = limit/element
+      options%sensors = [1]
+      options%shape = [1.0_wp]
+      options%frequency = sqrt(spring + element)/(2.0_wp*pi)
+      options%amplitude_range = [300.0_wp*b, 100.0_wp*b]
+      options%points = 5
+      options%harmonics = 1
+      options%samples = 400
+      if (.not. allocated(lib)) call run_epmc(system, state, options, condensed(), collector, record, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      largest = 0.0_wp
+      do k = 1, size(collector%points)
+         a = collector%points(k)%modal_amplitude
+         theta = acos(1.0_wp - 2.0_wp*b/a)
+         omega = sqrt(spring + element/pi*(theta - 0.5_wp*sin(2.0_wp*theta)))
+         zeta = 0.5_wp*damping/omega + 2.0_wp*limit*(a - b)/(pi*a*a*omega**2)
+         largest = max(largest, abs(2.0_wp*pi*collector%points(k)%frequency/omega - 1.0_wp), &
+            & abs(collector%points(k)%damping_ratio/zeta - 1.0_wp))
+      end do
+      call check(error, size(collector%points) >= 5 .and. largest <= accuracy, 'deviation '//to_text(largest, 3))
+   end subroutine test_cold_start
 
    !> Options for a mode of the joint.
    subroutine prepare(hill, mode, system, state, options, lib)

@@ -1,13 +1,15 @@
 module test_analysis_harmonic_balance
    use microslip_analysis_continuation, only: curve_record_t
    use microslip_analysis_excitation, only: excitation_t, kind_harmonic
-   use microslip_analysis_fourier, only: fourier_t, new_fourier
+   use microslip_analysis_fourier, only: fourier_t, new_fourier, series_coefficients
    use microslip_analysis_harmonic_balance, only: harmonic_balance_options_t, run_harmonic_balance
    use microslip_analysis_linear_modes, only: stuck_stiffness
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_balance, only: periodic_balance_t
+   use microslip_analysis_periodic_contact, only: contact_cycle_t, periodic_contact_t
+   use microslip_analysis_response_point, only: truncation_t
    use microslip_analysis_transient, only: transient_record_t
-   use microslip_core_error, only: error_t, status_failed
+   use microslip_core_error, only: error_t, status_bad_input, status_failed
    use microslip_core_kinds, only: wp, pi
    use microslip_core_text, only: to_text
    use microslip_linalg_dense, only: solve_general
@@ -38,6 +40,11 @@ contains
          & new_unittest('gross slip: agrees with the time integration', test_gross_slip), &
          & new_unittest('lift-off: agrees with the time integration', test_lift_off), &
          & new_unittest('points left out that close join', test_left_out), &
+         & new_unittest('Fourier series on samples that are closer in places', test_refined), &
+         & new_unittest('sliding body: cold start, closed form, estimated error', test_sliding_body), &
+         & new_unittest('estimated error against a finer run', test_estimate), &
+         & new_unittest('tolerance of 1e-12; one that rounding does not allow', test_tolerance), &
+         & new_unittest('30 periods: forces stay within what is claimed', test_thirty_periods), &
          & new_unittest('what cannot be done is told', test_failures)]
    end subroutine collect_analysis_harmonic_balance
 
@@ -66,6 +73,43 @@ contains
          if (allocated(error)) return
       end do
    end subroutine test_fourier
+
+   !> Coefficients of a series come back from any samples; those of a jump are as good as the interval it lies in.
+   subroutine test_refined(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(fourier_t) :: fourier
+      real(wp) :: x(2, 7), square(1, 7), expected(1, 7)
+      logical, allocatable :: split(:)
+      real(wp), allocatable :: phase(:)
+      real(wp) :: shift
+      integer :: h, k
+      real(wp), parameter :: rounding = 1000*epsilon(1.0_wp), turn = 1.1_wp
+
+      fourier = new_fourier(3, 16)
+      x = reshape([(sin(real(k, wp)), k=1, size(x))], shape(x))
+      do k = 1, 7
+         ! Split where the jumps at turn and turn + pi lie.
+         phase = atan2(fourier%basis(3, :), fourier%basis(2, :))
+         where (phase < 0.0_wp) phase = phase + 2.0_wp*pi
+         split = (abs(phase - turn) <= fourier%widths() .or. abs(phase - turn - pi) <= fourier%widths()) .and. fourier%can_be_split()
+         split(1) = split(1) .or. k == 2
+         if (.not. any(split)) exit
+         fourier = fourier%refined(split)
+         call check(error, maxval(abs(matmul(matmul(x, fourier%basis), transpose(fourier%projection)) - x)) <= rounding &
+            & .and. abs(sum(fourier%widths()) - 2.0_wp*pi) <= rounding, 'not the coefficients')
+         if (allocated(error)) return
+      end do
+      call check(error, size(phase) == fourier%samples .and. fourier%samples > 60, 'not split: '//to_text(fourier%samples))
+      if (allocated(error)) return
+      square = series_coefficients(fourier, reshape(sign(1.0_wp, sin(phase - turn)), [1, size(phase)]), 3)
+      expected = 0.0_wp
+      do h = 1, 3, 2
+         expected(1, 2*h:2*h + 1) = 4.0_wp/(pi*h)*[-sin(h*turn), cos(h*turn)]
+      end do
+      ! Two jumps of 2, each known to the finest interval; between them the trapezoidal rule has w^2/12 h^2 of 4/pi.
+      shift = 2.0_wp*2.0_wp/pi*2.0_wp*pi/(16*4.0_wp**5) + 9.0_wp/12.0_wp*(2.0_wp*pi/16)**2*4.0_wp/pi
+      call check(error, maxval(abs(square - expected)) <= shift, 'square wave: '//to_text(maxval(abs(square - expected)), 3))
+   end subroutine test_refined
 
    !> dF/dx against central differences along random directions.
    subroutine check_derivative(size_of, seen, error)
@@ -416,6 +460,198 @@ contains
             & to_text(norm2(a%modal - b%modal)/norm2(b%modal), 3))
       end associate
    end subroutine test_left_out
+
+   !> Amplitude (L2) of a mass on a spring with dry friction that slides without stops, harmonics up to H (Den Hartog's
+   !> motion for H to infinity). Friction is a square wave that turns where the velocity of those harmonics does, at theta:
+   !>     sin(theta) = 4 limit/(pi load) D_1 sum over odd h of 1/D_h,    D_h = spring - (h omega)^2
+   !> The tail of that sum falls with 1/H, and with it the error of the amplitude.
+   pure real(wp) function sliding_amplitude(spring, limit, load, omega, harmonics)
+      real(wp), intent(in) :: spring, limit, load, omega
+      integer, intent(in) :: harmonics
+      real(wp) :: theta, wave
+      integer :: h
+
+      wave = 4.0_wp*limit/pi
+      theta = asin(wave/load*(spring - omega**2)*sum([(1.0_wp/(spring - (h*omega)**2), h=1, harmonics, 2)]))
+      sliding_amplitude = 0.0_wp
+      do h = 3, harmonics, 2
+         sliding_amplitude = sliding_amplitude + (wave/(h*(spring - (h*omega)**2)))**2
+      end do
+      ! The fundamental: load less friction, whose phase is theta against the velocity.
+      sliding_amplitude = sqrt(sliding_amplitude + (load**2 - 2.0_wp*load*wave*sin(theta) + wave**2)/(spring - omega**2)**2)
+   end function sliding_amplitude
+
+   !> A body that slides as a whole: found from a cold start, above and below resonance; agrees with the closed form of the
+   !> same number of harmonics, and the estimated error with what is missing to all harmonics.
+   subroutine test_sliding_body(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t), allocatable :: records(:)
+      type(truncation_t), allocatable :: truncation(:)
+      real(wp), parameter :: spring = 1.0e4_wp, element = 1.0e10_wp, limit = 1.0_wp, load = 2.0_wp
+      !> The element gives way by 2 limit/element of an amplitude a of 1e-4 m: friction turns over sqrt(8 limit/(element a))
+      real(wp), parameter :: turning = 3.0e-3_wp, share = 0.25_wp
+      real(wp) :: here, everything, deviation
+      integer :: k
+      integer, parameter :: harmonics = 7, all_harmonics = 4001
+
+      options%sensors = [1]
+      options%load = 1
+      options%levels = [load]
+      options%frequency_step = 1.0_wp
+      options%harmonics = harmonics
+      options%samples = 128
+      do k = 1, 2
+         call make_jenkins(spring, 0.0_wp, element, limit, system, state, lib)
+         options%frequency_range = merge(28.0_wp, 20.0_wp, k == 1)
+         if (allocated(collector%points)) deallocate (collector%points)
+         if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), collector, records, lib, &
+            & truncation)
+         call good(error, lib)
+         if (allocated(error)) return
+         here = sliding_amplitude(spring, limit, load, 2.0_wp*pi*options%frequency_range(1), harmonics)
+         everything = sliding_amplitude(spring, limit, load, 2.0_wp*pi*options%frequency_range(1), all_harmonics)
+         deviation = collector%points(1)%amplitude/here - 1.0_wp
+         call check(error, abs(deviation) <= turning, 'not the closed form: '//to_text(deviation, 3))
+         if (allocated(error)) return
+         call check(error, truncation(1)%known .and. abs(truncation(1)%by_both(1) - (everything/here - 1.0_wp)) &
+            & <= share*abs(everything/here - 1.0_wp) + turning, 'estimate '//to_text(truncation(1)%by_both(1), 3)//' of ' &
+            & //to_text(everything/here - 1.0_wp, 3))
+         if (allocated(error)) return
+      end do
+   end subroutine test_sliding_body
+
+   !> The estimate at few harmonics and samples against a run with many.
+   subroutine test_estimate(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: coarse, fine
+      type(curve_record_t), allocatable :: records(:)
+      type(truncation_t), allocatable :: truncation(:)
+      real(wp), parameter :: share = 0.3_wp
+      real(wp) :: missing
+
+      call make_jenkins(1.0e4_wp, 8.0_wp, 6.0e4_wp, 3.0_wp, system, state, lib)
+      options%sensors = [1]
+      options%load = 1
+      options%levels = [6.0_wp]
+      options%frequency_range = 18.0_wp
+      options%frequency_step = 1.0_wp
+      options%harmonics = 3
+      options%samples = 64
+      if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), coarse, records, lib, truncation)
+      options%harmonics = 41
+      options%samples = 800
+      if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), fine, records, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      missing = fine%points(1)%amplitude/coarse%points(1)%amplitude - 1.0_wp
+      call check(error, abs(missing) > 1.0e-3_wp .and. abs(truncation(1)%by_both(1) - missing) <= share*abs(missing), &
+         & 'estimate '//to_text(truncation(1)%by_both(1), 3)//' of '//to_text(missing, 3))
+   end subroutine test_estimate
+
+   !> Partial slip at a tolerance of 1e-12; 1e-15 is below the rounding of the forces and refused with what is allowed.
+   subroutine test_tolerance(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t), allocatable :: records(:)
+      real(wp), parameter :: tight = 1.0e-12_wp
+
+      call make_preloaded([5, 3], 4.0e-6_wp, 0.4_wp, system, state, lib)
+      options%sensors = [1]
+      options%load = impact_load
+      options%levels = [400.0_wp]
+      options%frequency_range = [140.0_wp, 150.0_wp]
+      options%frequency_step = 5.0_wp
+      options%tolerance = tight
+      options%max_iterations = 40
+      if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), collector, records, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, size(collector%points) > 2 .and. maxval(collector%points%correction%residual) <= tight &
+         & .and. maxval(collector%points%counts(3)) > 0, 'residual')
+      if (allocated(error)) return
+      options%tolerance = 1.0e-15_wp
+      call run_harmonic_balance(system, state, options, condensed(), collector, records, lib)
+      call check(error, allocated(lib))
+      if (.not. allocated(error)) call check(error, lib%status == status_bad_input .and. index(lib%message, 'allowed here') > 0, &
+         & lib%message)
+   end subroutine test_tolerance
+
+   !> Solutions marched for 30 periods from the preload: at every period the forces stay within the bound of that period,
+   !> and those of the last period balance the motion to the tolerance. At these loads some points hardly slip, and the
+   !> forces take long to repeat.
+   subroutine test_thirty_periods(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(jointed_system_t) :: system
+      type(operating_state_t) :: state
+      type(harmonic_balance_options_t) :: options
+      type(collector_t) :: collector
+      type(curve_record_t), allocatable :: records(:)
+      type(periodic_balance_t) :: balance
+      type(periodic_contact_t) :: contact
+      type(contact_cycle_t) :: cycle
+      type(fourier_t) :: fourier
+      real(wp), allocatable :: q(:, :), reaction(:, :, :), rest(:, :), force(:, :)
+      real(wp) :: bound(30), missing
+      integer :: k, n, p
+      integer, parameter :: periods = 30
+
+      call make_preloaded([9, 6], 8.0e-6_wp, 0.4_wp, system, state, lib)
+      options%sensors = [1]
+      options%load = impact_load
+      options%levels = [100.0_wp, 400.0_wp, 1600.0_wp]
+      options%frequency_range = [140.0_wp, 150.0_wp]
+      options%frequency_step = 5.0_wp
+      options%tolerance = 1.0e-8_wp
+      options%max_iterations = 40
+      if (.not. allocated(lib)) call run_harmonic_balance(system, state, options, condensed(), collector, records, lib)
+      if (.not. allocated(lib)) call balance%set_up(system, state, [1], options%harmonics, options%samples, condensed(), lib)
+      if (.not. allocated(lib)) call contact%set_up(system, state, condensed(), lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      fourier = new_fourier(options%harmonics, options%samples)
+      n = system%n_modes
+      allocate (reaction(n, options%samples, periods))
+      do k = 1, size(collector%points)
+         associate (point => collector%points(k))
+            q = spread([state%modal, state%amplitude], 2, options%samples)
+            q(:n, :) = q(:n, :) + matmul(point%modal, fourier%basis)
+            q(n + impact_load, :) = q(n + impact_load, :) + point%level*fourier%basis(2, :)
+            call contact%begin(.false., cycle)
+            do p = 1, periods
+               call contact%march_period(system, q, cycle)
+               reaction(:, :, p) = cycle%reaction
+               bound(p) = cycle%remaining + cycle%noise
+            end do
+            do p = 3, periods
+               call check(error, maxval(abs(reaction(:, :, periods) - reaction(:, :, p))) <= bound(p), 'point '//to_text(k) &
+                  & //', period '//to_text(p)//': '//to_text(maxval(abs(reaction(:, :, periods) - reaction(:, :, p))), 3) &
+                  & //' of '//to_text(bound(p), 3))
+               if (allocated(error)) return
+            end do
+            rest = balance%linear_force(point%modal, 2.0_wp*pi*point%frequency, 0.0_wp)
+            rest(:, 2) = rest(:, 2) - point%level*system%load_modal(:, impact_load)
+            force = matmul(cycle%reaction - spread(system%modal_force(state%contact%force), 2, options%samples), &
+               & transpose(fourier%projection))
+            missing = maxval(abs(rest - force))/norm2(point%level*system%load_modal(:, impact_load))
+            call check(error, missing <= options%tolerance, 'point '//to_text(k)//': balance '//to_text(missing, 3))
+            if (allocated(error)) return
+         end associate
+      end do
+   end subroutine test_thirty_periods
 
    subroutine test_failures(error)
       type(testing_error), allocatable, intent(out) :: error

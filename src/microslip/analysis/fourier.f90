@@ -6,7 +6,7 @@
 !> least-squares fit, a sample counting with half the intervals beside it: with equal spacing the DFT.
 module microslip_analysis_fourier
    use microslip_core_kinds, only: wp, i8, pi
-   use microslip_linalg_dense, only: inverse_spd
+   use microslip_linalg_dense, only: inverse_spd, product_of
    use microslip_core_error, only: error_t
    implicit none(type, external)
    private
@@ -109,9 +109,10 @@ contains
       fine%basis = basis_at(fine%harmonics, fine%place, fine%period)
       weight = weights(fine)
       weighted = fine%basis*spread(weight, 1, size(fine%basis, 1))
-      normal = matmul(weighted, transpose(fine%basis))
+      allocate (normal(size(weighted, 1), size(weighted, 1)), fine%projection(size(weighted, 1), fine%samples))
+      call product_of(weighted, fine%basis, normal, transpose_b=.true.)
       call inverse_spd(normal, error)
-      fine%projection = matmul(normal, weighted)
+      call product_of(normal, weighted, fine%projection)
    end function refined
 
    !> Length of the interval that ends at sample k, in ticks.

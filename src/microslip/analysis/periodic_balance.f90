@@ -8,7 +8,8 @@
 !>
 !> A body that slides as a whole turns between two samples: friction then jumps from one limit to the other, and the
 !> instant would be known to a part of the interval only. Intervals with such a jump are split until it is spread over several
-!> of them (contacts are elastic), so that F is a smooth function of x. Every new point begins with equal spacing.
+!> of them (contacts are elastic), so that F is a smooth function of x. A march that does not go onward from another one
+!> begins with equal spacing.
 module microslip_analysis_periodic_balance
    use microslip_analysis_fourier, only: fourier_t, new_fourier, series_coefficients
    use microslip_analysis_operating_state, only: operating_state_t
@@ -184,11 +185,11 @@ contains
       self%x = reshape(x, [n, self%fourier%columns()])
       onward = .false.
       if (present(first)) onward = .not. first
-      if (.not. (onward .or. self%resumes)) self%fourier = self%equal
       if (onward) onward = self%contact%can_go_onward
       if (onward) onward = norm2(self%x - self%accepted) <= near*norm2(self%x)
       onward = onward .or. self%resumes
       self%resumes = .false.
+      if (.not. onward) self%fourier = self%equal
       call find_drivers(self)
       call self%contact%begin(onward, self%cycle)
       do
