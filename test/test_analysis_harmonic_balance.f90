@@ -91,7 +91,8 @@ contains
          ! Split where the jumps at turn and turn + pi lie.
          phase = atan2(fourier%basis(3, :), fourier%basis(2, :))
          where (phase < 0.0_wp) phase = phase + 2.0_wp*pi
-         split = (abs(phase - turn) <= fourier%widths() .or. abs(phase - turn - pi) <= fourier%widths()) .and. fourier%can_be_split()
+         split = abs(phase - turn) <= fourier%widths() .or. abs(phase - turn - pi) <= fourier%widths()
+         split = split .and. fourier%can_be_split()
          split(1) = split(1) .or. k == 2
          if (.not. any(split)) exit
          fourier = fourier%refined(split)
