@@ -40,7 +40,8 @@ contains
       type(hdf5_file_t) :: file
       real(wp), allocatable, dimension(:) :: frequency, amplitude, mode_frequency, mode_amplitude, damping, residual
       integer, allocatable :: complete(:)
-      character(len=*), parameter :: promised(*) = [character(len=40) :: 'phase', 'peak', 'neglected_velocity', 'curve/truncation_error', &
+      character(len=*), parameter :: promised(*) = [character(len=40) :: 'phase', 'peak', &
+         & 'neglected_velocity', 'curve/truncation_error', &
          & 'curve/samples_error', 'curve/frequency_error', 'curve/error_at', 'level', 'harmonics', 'sensor_harmonics', &
          & 'sensor_name', 'friction_loss', 'contact/open', 'contact/stick', 'contact/slip', 'iterations', 'evaluations', &
          & 'periods', 'repeat_error', 'curve/points', 'curve/failed_steps', 'curve/evaluations', 'curve/jacobians']

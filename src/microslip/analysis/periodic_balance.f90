@@ -46,6 +46,9 @@ module microslip_analysis_periodic_balance
    !> Error of the trapezoidal rule over an interval, in parts of that range (times rad), from which it is split: this, or four
    !> times that of a sine of that range in equal intervals w, w^3/16.
    real(wp), parameter :: largest_error = 1.0e-3_wp
+   !> Width of an interval over that beside it, from which it is split: the jump begins where the motion turns, which must not
+   !> lie in a wide interval beside narrow ones.
+   real(wp), parameter :: widest_beside = 4.5_wp
    !> Samples that splitting may add, in parts of those of equal spacing
    integer, parameter :: most_added = 15
    !> Harmonics whose size is told from the spectrum of the forces, in parts of those of the series.
@@ -249,7 +252,8 @@ contains
       if (self%cycle%periods == 1) slope(1) = slope(2)
       bend = max(abs(slope - cshift(slope, 1)), abs(slope - cshift(slope, -1)))
       jumping = self%fourier%can_be_split() .and. (jump > max(largest_jump, 2.0_wp*w) .or. &
-         & min(0.5_wp*width*jump, 0.125_wp*width**2*bend) > max(largest_error, 0.25_wp*w**3))
+         & min(0.5_wp*width*jump, 0.125_wp*width**2*bend) > max(largest_error, 0.25_wp*w**3) .or. &
+         & width > widest_beside*min(cshift(width, 1), cshift(width, -1)))
       if (self%cycle%periods == 1) jumping(1) = .false.
       splits = any(jumping) .and. self%fourier%samples <= most_added*self%equal%samples
       if (.not. splits) return
