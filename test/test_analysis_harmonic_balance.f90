@@ -498,7 +498,9 @@ contains
       type(truncation_t), allocatable :: truncation(:)
       real(wp), parameter :: spring = 1.0e4_wp, element = 1.0e10_wp, limit = 1.0_wp, load = 2.0_wp
       !> The element gives way by 2 limit/element of an amplitude a of 1e-4 m: friction turns over sqrt(8 limit/(element a))
-      real(wp), parameter :: turning = 3.0e-3_wp, share = 0.25_wp
+      real(wp), parameter :: turning = 3.0e-3_wp
+      !> One step of Newton's method sees 0.6 of what is missing here: the shift of the turning point is not small
+      real(wp), parameter :: share = 0.5_wp
       real(wp) :: here, everything, deviation
       integer :: k
       integer, parameter :: harmonics = 7, all_harmonics = 4001
@@ -595,7 +597,7 @@ contains
          & lib%message)
    end subroutine test_tolerance
 
-   !> Solutions marched for 30 periods from the preload: at every period the forces stay within the bound of that period,
+   !> Solutions marched for 30 periods from the preload: from where the bound is within the tolerance the forces stay within it,
    !> and those of the last period balance the motion to the tolerance. At these loads some points hardly slip, and the
    !> forces take long to repeat.
    subroutine test_thirty_periods(error)
@@ -648,6 +650,8 @@ contains
                bound(p) = cycle%remaining + cycle%noise + solver
             end do
             do p = 3, periods
+               ! What is claimed of a solution
+               if (bound(p) - solver > options%tolerance*norm2(point%level*system%load_modal(:, impact_load))) cycle
                call check(error, maxval(abs(reaction(:, :, periods) - reaction(:, :, p))) <= bound(p), 'point '//to_text(k) &
                   & //', period '//to_text(p)//': '//to_text(maxval(abs(reaction(:, :, periods) - reaction(:, :, p))), 3) &
                   & //' of '//to_text(bound(p), 3))

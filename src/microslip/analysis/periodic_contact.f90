@@ -8,7 +8,7 @@
 !>
 !> Points that hardly slip forget the start slowly: the forces then change by a constant factor less from period to period.
 !> With the change c of a period, over all of its samples, and that factor rho, later periods change them by
-!> c rho/(1 - rho) in all; c/(1 - rho) is taken for the bound, since the factor grows a little as fewer points slip. rho is
+!> c rho/(1 - rho) in all; 2 c/(1 - rho) is taken for the bound, since the factor grows as fewer points slip. rho is
 !> that of the ends of the periods, where the first period counts already, and of all samples, where it does not (it
 !> begins with the virgin curve).
 module microslip_analysis_periodic_contact
@@ -235,7 +235,7 @@ contains
       if (change <= cycle%noise) then
          cycle%remaining = change
       else if (rate < 1.0_wp) then
-         cycle%remaining = change/(1.0_wp - rate)
+         cycle%remaining = 2.0_wp*change/(1.0_wp - rate)
       end if
       cycle%repeat_error = min(cycle%remaining, largest)/max(range, tiny(1.0_wp))
    end subroutine march_period
