@@ -48,7 +48,9 @@ contains
          & new_unittest('solvers agree', test_solvers), &
          & new_unittest('points left out stay open', test_potential_set), &
          & new_unittest('normal gaps of all points', test_normal_gaps), &
-         & new_unittest('a structure that can move freely is refused', test_free_structure), &
+         & new_unittest('one path: forces asked for are met at the end of it', test_one_path), &
+         & new_unittest('a block that only the contact holds', test_free_structure), &
+         & new_unittest('a block that nothing holds is refused', test_lost_structure), &
          & new_unittest('loads that press nothing are refused', test_useless_load)]
    end subroutine collect_analysis_preload
 
@@ -408,22 +410,102 @@ contains
       call check(error, maxval(abs(gap - everywhere(1, :))) <= rounding*maxval(abs(everywhere)), 'the normal gaps differ')
    end subroutine compare_gaps
 
-   !> A block that only the contact could hold.
+   !> Ten load steps to forces asked for, and the amplitudes that they end in, given: the same path, which is not that of one
+   !> step.
+   subroutine test_one_path(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(brick_joint_t) :: joint
+      type(operating_state_t) :: found, given, at_once
+      type(preload_options_t) :: options
+      type(preload_record_t) :: record
+      real(wp) :: scale
+
+      call make_brick_joint(brick_hill, 0.3_wp, joint, lib, elastic=unequal)
+      if (.not. allocated(lib)) call run_preload(joint%system, press_only(1), by('condensed'), at_once, record, lib)
+      if (.not. allocated(lib)) call run_preload(joint%system, press_only(10), by('condensed'), found, record, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, record%force_deviation <= force_tolerance, 'the forces are not met')
+      if (allocated(error)) return
+      options%loads = [1]
+      options%scale = found%amplitude(:1)
+      options%steps = 10
+      call run_preload(joint%system, options, by('condensed'), given, record, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      scale = maxval(found%contact%force)
+      call check(error, maxval(abs(given%contact%force - found%contact%force)) <= 10*contact_tolerance*scale, &
+         & 'another path: '//to_text(maxval(abs(given%contact%force - found%contact%force))/scale, 3))
+      if (allocated(error)) return
+      call check(error, record%solves == 10 .and. maxval(abs(at_once%contact%force - found%contact%force)) &
+         & > 1.0e3_wp*contact_tolerance*scale, 'the path does not count here')
+   end subroutine test_one_path
+
+   !> The upper block lies on the lower one, pressed by its load and held by nothing else: an equilibrium, with the same
+   !> pressure for a friction that cannot slip, and energies in balance.
    subroutine test_free_structure(error)
       type(testing_error), allocatable, intent(out) :: error
       type(error_t), allocatable :: lib
       type(brick_joint_t) :: joint
       type(operating_state_t) :: state
       type(preload_record_t) :: record
+      type(preload_options_t) :: options
+      real(wp) :: tangential(2)
+      !> Trapezoids over 16 load steps while the hill closes; of the load
+      real(wp), parameter :: trapezoids = 2.0e-2_wp, equilibrium = 1.0e-8_wp
+
+      call make_brick_joint(brick_hill, 0.5_wp, joint, lib, supports=['lower_xmin'])
+      if (.not. allocated(lib)) call run_preload(joint%system, press_only(16), by('condensed'), state, record, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      call check(error, abs(state%amplitude(1)/pressing - 1.0_wp) < equilibrium, 'the load is not the force that it makes: ' &
+         & //to_text(state%amplitude(1)))
+      if (allocated(error)) return
+      tangential = sum(state%contact%force(2:3, :), dim=2)
+      call check(error, norm2(tangential) < equilibrium*pressing, 'a tangential resultant')
+      if (allocated(error)) return
+      call check(error, record%elastic_energy > 0.0_wp .and. abs(record%work - record%elastic_energy - record%friction_loss) &
+         & < trapezoids*record%work, 'energies: '//to_text(record%work)//' '//to_text(record%elastic_energy)//' ' &
+         & //to_text(record%friction_loss))
+      if (allocated(error)) return
+      call check_equilibrium(joint%system, state, error)
+      if (allocated(error)) return
+      ! A fifth of the weight along the plane: friction holds it.
+      options%loads = [1, 2]
+      options%scale = pressing*[1.0_wp, 0.2_wp]
+      call run_preload(joint%system, options, by('condensed'), state, record, lib)
+      call good(error, lib)
+      if (allocated(error)) return
+      tangential = sum(state%contact%force(2:3, :), dim=2)
+      call check(error, abs(norm2(tangential)/(0.2_wp*pressing) - 1.0_wp) < equilibrium, 'the shear does not arrive')
+      if (.not. allocated(error)) call check_equilibrium(joint%system, state, error)
+   end subroutine test_free_structure
+
+   !> Pulled off, and pushed along beyond what friction holds.
+   subroutine test_lost_structure(error)
+      type(testing_error), allocatable, intent(out) :: error
+      type(error_t), allocatable :: lib
+      type(brick_joint_t) :: joint
+      type(operating_state_t) :: state
+      type(preload_record_t) :: record
+      type(preload_options_t) :: options
+      real(wp), parameter :: shares(2, 2) = reshape([-1.0_wp, 0.0_wp, 1.0_wp, 0.6_wp], [2, 2])
+      integer :: k
 
       call make_brick_joint(brick_hill, 0.5_wp, joint, lib, supports=['lower_xmin'])
       call good(error, lib)
       if (allocated(error)) return
-      call run_preload(joint%system, press_only(1), by('condensed'), state, record, lib)
-      call check(error, allocated(lib), 'a free structure was taken')
-      if (allocated(error)) return
-      call check(error, lib%status == status_bad_input .and. index(lib%message, 'can move freely') > 0, lib%message)
-   end subroutine test_free_structure
+      options%loads = [1, 2]
+      do k = 1, 2
+         options%scale = pressing*shares(:, k)
+         call run_preload(joint%system, options, by('condensed'), state, record, lib)
+         call check(error, allocated(lib), 'a structure that nothing holds was taken')
+         if (allocated(error)) return
+         call check(error, lib%status == status_bad_input .and. index(lib%message, 'moves freely') > 0, lib%message)
+         if (allocated(error)) return
+      end do
+   end subroutine test_lost_structure
 
    subroutine test_useless_load(error)
       type(testing_error), allocatable, intent(out) :: error

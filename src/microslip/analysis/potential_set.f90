@@ -4,6 +4,7 @@
 !> without friction, plus a margin. Leaving out is verified by the analyses afterwards; where points had to join, the
 !> state an analysis started from is carried over to the wider set.
 module microslip_analysis_potential_set
+   use microslip_analysis_free_motion, only: free_motion_t
    use microslip_analysis_preload, only: preload_options_t, frictionless_preload
    use microslip_analysis_statics, only: static_problem, static_modal
    use microslip_contact_laws, only: state_open
@@ -37,6 +38,8 @@ contains
       real(wp), allocatable :: initial_gap(:), allowed(:), reach(:), amplitude(:), force(:), slope(:, :), response(:, :)
       logical, allocatable :: potential(:), closed(:)
       type(contact_problem_t) :: problem
+      !> Without friction its springs hold it: the choice of the points need not be exact
+      type(free_motion_t) :: free
       integer, allocatable :: pad_of(:)
       integer :: round
 
@@ -47,7 +50,7 @@ contains
       do round = 1, 30
          call system%restrict(potential, error)
          if (allocated(error) .or. all(potential)) return
-         call static_problem(system, options%loads, problem, response, error, split=.true.)
+         call static_problem(system, options%loads, problem, response, error, .true., free)
          if (allocated(error)) return
          allocate (closed(problem%n_points), source=.true.)
          allocate (force(problem%n_points), slope(size(system%pads), size(options%loads)))

@@ -1,13 +1,18 @@
 !> Preload: static equilibrium under loads that are scaled until every interface carries its normal force.
 !>
 !> Statics of the reduced model with d_i eliminated (`microslip_analysis_statics`).
-!> Friction has a memory: the loads are applied in the given number of steps, each one an equilibrium. The
-!> load amplitudes are found by Broyden's method on the interface forces, started from the frictionless
-!> contact. Normal contact in statics is on gap level.
+!> Friction has a memory: the loads grow in proportion, in the given number of equal steps, each one an equilibrium. Where
+!> interface forces are given, they are those at the end of this path: the amplitudes there are found by Broyden's method,
+!> started from the frictionless contact, and every trial goes the whole path. So it is the path of the same amplitudes given.
+!> Normal contact in statics is on gap level.
+!>
+!> Where the structure can move freely but for its contact, springs hold it that carry nothing in the end
+!> (`microslip_analysis_free_motion`).
 !>
 !> An initial pressure is on before the first load: r_0 = -G_static lambda_0, and in the modes lambda - lambda_0 takes the
 !> place of lambda. Energies then count from the undeformed state.
 module microslip_analysis_preload
+   use microslip_analysis_free_motion, only: free_motion_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_statics, only: static_modal, static_problem
    use microslip_contact_closed_system, only: closed_system_t, state_frictionless
@@ -41,7 +46,7 @@ module microslip_analysis_preload
       real(wp), allocatable :: interface_force(:)
       !> (loads) given amplitudes
       real(wp), allocatable :: scale(:)
-      !> Load steps
+      !> Load steps, in which the loads grow in proportion
       integer :: steps = 1
    end type preload_options_t
 
@@ -84,7 +89,7 @@ contains
       real(wp) :: deviation(size(system%pads)), wanted
       integer :: trial
 
-      R = problem%R(1::3, :)
+      R = problem%R(1::3, :size(amplitude))
       r_0 = problem%r_0(1::3)
       wanted = force_tolerance
       if (allocated(problem%compliance)) then
@@ -164,8 +169,8 @@ contains
          allocate (z(0, size(amplitude)))
       end if
       if (allocated(problem%compliance)) then
-         allocate (x, mold=problem%R)
-         call normal%solve_columns(problem%compliance, -problem%R, x, error, balance=z)
+         allocate (x(size(problem%R, 1), size(amplitude)))
+         call normal%solve_columns(problem%compliance, -problem%R(:, :size(amplitude)), x, error, balance=z)
          if (allocated(error)) return
          x = x(1::3, :)
       else
@@ -175,7 +180,7 @@ contains
             error%message = 'preload: contact compliance is not positive definite: '//error%message
             return
          end if
-         x = -problem%R(1::3, :)
+         x = -problem%R(1::3, :size(amplitude))
          call cholesky_solve(factor, x)
          if (allocated(problem%soft)) then
             V = problem%soft(1::3, :)
@@ -217,24 +222,18 @@ contains
       type(preload_record_t), intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
       type(contact_problem_t) :: problem
-      type(contact_state_t) :: now
+      type(contact_state_t) :: start, now
+      type(free_motion_t) :: free
       class(contact_solver_t), allocatable :: solver
-      real(wp), allocatable :: response(:, :), amplitude(:), previous(:), force(:), slope(:, :)
+      real(wp), allocatable :: response(:, :), amplitude(:), slope(:, :), step(:, :), matrix(:, :), deviation(:), first_force(:, :)
       logical, allocatable :: closed(:)
-      real(wp) :: share
-      integer :: step, n
+      integer :: trial
 
-      call static_problem(system, options%loads, problem, response, error, split=knows_soft(contact))
+      call static_problem(system, options%loads, problem, response, error, knows_soft(contact), free)
       if (allocated(error)) return
-      n = size(options%loads)
-      allocate (amplitude(n), source=0.0_wp)
-      allocate (closed(problem%n_points), force(problem%n_points), slope(size(system%pads), n))
-      closed = .true.
-      share = 1.0_wp/options%steps
-      call frictionless_preload(system, problem, options, share, amplitude, closed, force, slope, error)
+      call guess(system, problem, options, amplitude, closed, slope, error)
       if (allocated(error)) return
-
-      now = new_state(problem, system%initial_force())
+      start = new_state(problem, system%initial_force())
       call new_contact_solver(contact, solver, error)
       if (allocated(error)) return
       select type (solver)
@@ -243,64 +242,15 @@ contains
       type is (matrix_free_solver_t)
          solver%expected_closed = closed
       end select
-      call solver%start(problem, now, error)
+      call solver%start(problem, start, error)
       if (allocated(error)) return
-      previous = 0.0_wp*amplitude
-      do step = 1, options%steps
-         share = real(step, wp)/options%steps
-         if (allocated(options%scale)) amplitude = share*options%scale
-         call load_step(system, problem, options, contact, share, slope, solver, now, amplitude, record, error)
-         if (allocated(error)) return
-         ! The next step starts from the straight line through the last two.
-         force = amplitude
-         amplitude = 2.0_wp*amplitude - previous
-         previous = force
-      end do
-      call finish(system, options, problem, response, now, state, record)
-   end subroutine run_preload
-
-   !> One load step: contact with friction at the amplitudes that give the wanted interface forces.
-   subroutine load_step(system, problem, options, contact, share, slope, solver, now, amplitude, record, error)
-      type(jointed_system_t), intent(in) :: system
-      type(contact_problem_t), intent(in) :: problem
-      type(preload_options_t), intent(in) :: options
-      type(contact_options_t), intent(in) :: contact
-      !> Part of the load that is applied
-      real(wp), intent(in) :: share
-      !> (pads, loads) approximate derivative of the interface forces, improved on return
-      real(wp), intent(inout) :: slope(:, :)
-      class(contact_solver_t), allocatable, intent(inout) :: solver
-      type(contact_state_t), intent(inout) :: now
-      real(wp), intent(inout) :: amplitude(:)
-      type(preload_record_t), intent(inout) :: record
-      type(error_t), allocatable, intent(out) :: error
-      class(contact_solver_t), allocatable :: trial_solver
-      type(contact_state_t) :: trial_state
-      type(solve_record_t) :: solved
-      real(wp), allocatable :: step(:, :), matrix(:, :), deviation(:)
-      integer :: trial
-
       do trial = 1, max_trials
-         ! Every trial starts from the last equilibrium: friction must not remember the trials. (By assignment gfortran 12
-         ! would lose the memory of the trial before.)
-         if (allocated(trial_solver)) deallocate (trial_solver)
-         allocate (trial_solver, source=solver)
-         trial_state = now
-         call trial_solver%advance(problem, amplitude, trial_state, solved)
-         record%solves = record%solves + 1
-         record%iterations = record%iterations + solved%iterations
-         record%residual = solved%residual
-         record%error_estimate = solved%error_estimate
-         if (.not. solved%converged) then
-            call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
-               & ' of the largest force after '//to_text(solved%iterations)//' iterations); '// &
-               & what_may_help(problem, options, contact, solved))
-            return
-         end if
-         record%interface_force = system%interface_forces(trial_state%force)
+         call load(problem, free, options, contact, amplitude, solver, start, now, first_force, record, error)
+         if (allocated(error)) return
+         record%interface_force = system%interface_forces(now%force)
          if (allocated(options%scale)) exit
-         deviation = share*options%interface_force - record%interface_force
-         record%force_deviation = maxval(abs(deviation)/(share*options%interface_force))
+         deviation = options%interface_force - record%interface_force
+         record%force_deviation = maxval(abs(deviation)/options%interface_force)
          if (record%force_deviation <= force_tolerance) exit
          ! Broyden: the change that the last step left unexplained improves the slope.
          if (trial > 1) slope = slope - matmul(reshape(deviation, [size(deviation), 1]), transpose(step))/sum(step**2)
@@ -311,7 +261,7 @@ contains
          amplitude = amplitude + step(:, 1)
          select type (solver)
          type is (matrix_free_solver_t)
-            solver%expected_force = trial_state%force
+            solver%expected_force = first_force
          end select
       end do
       if (trial > max_trials) then
@@ -319,10 +269,89 @@ contains
             & to_text(record%force_deviation)//')')
          return
       end if
-      call book_energy(problem, now, trial_state, amplitude, record)
-      call move_alloc(trial_solver, solver)
-      now = trial_state
-   end subroutine load_step
+      call finish(system, options, problem, response, free, now, state, record)
+   end subroutine run_preload
+
+   !> From the contact without friction: load amplitudes, how the interface forces change with them, and the points that
+   !> close in the first load step.
+   subroutine guess(system, problem, options, amplitude, closed, slope, error)
+      type(jointed_system_t), intent(in) :: system
+      type(contact_problem_t), intent(in) :: problem
+      type(preload_options_t), intent(in) :: options
+      !> (loads), (points), (pads, loads)
+      real(wp), allocatable, intent(out) :: amplitude(:)
+      logical, allocatable, intent(out) :: closed(:)
+      real(wp), allocatable, intent(out) :: slope(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(preload_options_t) :: first
+      real(wp), allocatable :: part(:), other_slope(:, :)
+      real(wp) :: force(problem%n_points)
+
+      allocate (amplitude(size(options%loads)), source=0.0_wp)
+      allocate (slope(size(system%pads), size(options%loads)))
+      allocate (closed(problem%n_points), source=.true.)
+      if (allocated(options%scale)) then
+         amplitude = options%scale
+      else
+         call frictionless_preload(system, problem, options, 1.0_wp, amplitude, closed, force, slope, error)
+         if (allocated(error) .or. options%steps == 1) return
+      end if
+      first%loads = options%loads
+      first%scale = amplitude
+      closed = .true.
+      allocate (other_slope, mold=slope)
+      part = amplitude
+      call frictionless_preload(system, problem, first, 1.0_wp/options%steps, part, closed, force, other_slope, error)
+   end subroutine guess
+
+   !> Apply the loads in equal steps, each one an equilibrium with friction.
+   subroutine load(problem, free, options, contact, amplitude, solver, start, now, first_force, record, error)
+      type(contact_problem_t), intent(in) :: problem
+      type(free_motion_t), intent(in) :: free
+      type(preload_options_t), intent(in) :: options
+      type(contact_options_t), intent(in) :: contact
+      !> (loads) in the end
+      real(wp), intent(in) :: amplitude(:)
+      !> Started from the beginning, and the contact there: both are left as they are, friction must not remember trials
+      class(contact_solver_t), allocatable, intent(in) :: solver
+      type(contact_state_t), intent(in) :: start
+      !> In the end
+      type(contact_state_t), intent(out) :: now
+      !> (3, points) contact forces of the first step, N
+      real(wp), allocatable, intent(out) :: first_force(:, :)
+      !> Energies count from the beginning
+      type(preload_record_t), intent(inout) :: record
+      type(error_t), allocatable, intent(out) :: error
+      class(contact_solver_t), allocatable :: working
+      type(contact_state_t) :: before
+      type(solve_record_t) :: solved
+      logical :: held
+      integer :: step
+
+      allocate (working, source=solver)
+      now = start
+      record%work = 0.0_wp
+      record%friction_loss = 0.0_wp
+      do step = 1, options%steps
+         before = now
+         call free%advance(problem, working, amplitude*(real(step, wp)/options%steps), now, solved, held)
+         record%solves = record%solves + 1
+         record%iterations = record%iterations + solved%iterations
+         record%residual = solved%residual
+         record%error_estimate = solved%error_estimate
+         if (.not. held) then
+            call bad_input(error, 'preload: the structure moves freely: nothing but the contact could hold it, and under these ' &
+               & //'loads it lifts off or slides away; it needs supports, bolts, or loads that press it on')
+         else if (.not. solved%converged) then
+            call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
+               & ' of the largest force after '//to_text(solved%iterations)//' iterations); '// &
+               & what_may_help(problem, options, contact, solved))
+         end if
+         if (allocated(error)) return
+         call book_energy(problem, before, now, now%q, record)
+         if (step == 1) first_force = now%force
+      end do
+   end subroutine load
 
    !> What a contact that did not converge may need and does not have yet.
    function what_may_help(problem, options, contact, solved) result(text)
@@ -361,15 +390,17 @@ contains
    end subroutine book_energy
 
    !> The static solution as an operating state of the whole system.
-   subroutine finish(system, options, problem, response, now, state, record)
+   subroutine finish(system, options, problem, response, free, now, state, record)
       type(jointed_system_t), intent(in) :: system
       type(preload_options_t), intent(in) :: options
       type(contact_problem_t), intent(in) :: problem
       real(wp), intent(in) :: response(:, :)
+      type(free_motion_t), intent(in) :: free
       type(contact_state_t), intent(in) :: now
       type(operating_state_t), intent(out) :: state
       type(preload_record_t), intent(inout) :: record
       real(wp), allocatable :: gap(:, :), local(:)
+      real(wp) :: in_springs
       integer :: p
 
       if (allocated(problem%compliance)) then
@@ -379,8 +410,9 @@ contains
          local = [(problem%G(3*p - 2, 3*p - 2), p=1, problem%n_points)]
       end if
       state%amplitude = system%held
-      state%amplitude(options%loads) = now%q
-      state%modal = static_modal(system, response, now%q, now%force)
+      state%amplitude(options%loads) = now%q(:size(options%loads))
+      state%modal = static_modal(system, response, now%q(:size(options%loads)), now%force)
+      if (free%count > 0) state%modal = state%modal + matmul(free%shape, now%q(size(options%loads) + 1:))
       state%contact = now
       state%contact%q = [state%modal, state%amplitude]
       ! Points outside the solver's base set know their normal gap only.
@@ -395,6 +427,12 @@ contains
       end do
       record%elastic_energy = 0.5_wp*sum(now%force*(gap - reshape(free_gap(problem, now%q), [3, problem%n_points]))) &
          & + 0.5_wp*sum(system%initial_force()*reshape(free_gap(problem, 0.0_wp*now%q), [3, problem%n_points]))
+      if (free%count == 0) return
+      ! What the springs of free motions hold is no energy of the structure.
+      in_springs = 0.5_wp*(sum(matmul(reshape(now%force, [size(now%force)]), free%contact)**2) &
+         & - sum(matmul(reshape(system%initial_force(), [size(now%force)]), free%contact)**2))/free%spring
+      record%elastic_energy = record%elastic_energy - in_springs
+      record%work = record%work - in_springs
    end subroutine finish
 
 end module microslip_analysis_preload

@@ -12,6 +12,7 @@
 module microslip_analysis_settling
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use microslip_analysis_excitation, only: excitation_t, kind_half_sine
+   use microslip_analysis_free_motion, only: free_motion_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_potential_set, only: carry_over, potential_points
    use microslip_analysis_statics, only: static_problem
@@ -341,25 +342,35 @@ contains
       class(contact_solver_t), allocatable :: solver
       type(contact_problem_t) :: problem
       type(solve_record_t) :: solved
-      real(wp), allocatable :: response(:, :), held(:), gap(:, :)
+      type(free_motion_t) :: free
+      real(wp), allocatable :: response(:, :), held(:), gap(:, :), rest(:), anchor(:)
       integer :: k, m, n
 
       m = system%n_loads
       n = 3*system%problem%n_points
-      call static_problem(system, [(k, k=1, m)], problem, response, error)
+      call static_problem(system, [(k, k=1, m)], problem, response, error, free=free)
       if (allocated(error)) return
       held = matmul(response(:, :m), state%amplitude)
       state%contact = last
       state%contact%q = [1.0_wp]
-      problem%R = matmul(system%problem%R(:, :system%n_modes), reshape(last%q(:system%n_modes) - held &
-         & - matmul(response(:, m + 1:), reshape(last%force, [n])), [system%n_modes, 1]))
+      rest = last%q(:system%n_modes) - held - matmul(response(:, m + 1:), reshape(last%force, [n]))
+      if (free%count > 0) then
+         ! The anchors begin where the structure is.
+         anchor = matmul(last%q(:system%n_modes), free%shape)
+         rest = rest - matmul(free%shape, anchor)
+         state%contact%q = [1.0_wp, anchor]
+         free%constant = matmul(matmul(system%load_modal, state%amplitude), free%shape)
+         free%load = reshape(free%spring*matmul(rest, free%shape), [free%count, 1])
+         free%reference = 0.0_wp
+      end if
+      problem%R = reshape([matmul(system%problem%R(:, :system%n_modes), rest), problem%R(:, m + 1:)], [n, 1 + free%count])
       problem%r_0 = 0.0_wp
-      problem%r_0 = reshape(last%gap - gap_of(problem, [1.0_wp], last%force), [n])
+      problem%r_0 = reshape(last%gap - gap_of(problem, state%contact%q, last%force), [n])
       call new_contact_solver(contact_options, solver, error)
       if (.not. allocated(error)) call solver%start(problem, state%contact, error)
       if (allocated(error)) return
       do k = rest_steps - 1, 0, -1
-         call solver%advance(problem, [real(k, wp)/rest_steps], state%contact, solved)
+         call free%advance(problem, solver, [real(k, wp)/rest_steps], state%contact, solved)
          record%residual = max(record%residual, solved%residual)
          record%error_estimate = max(record%error_estimate, solved%error_estimate)
          if (solved%converged) cycle
@@ -368,7 +379,8 @@ contains
          return
       end do
       state%modal = held + matmul(response(:, m + 1:), reshape(state%contact%force, [n]))
-      gap = gap_of(problem, [0.0_wp], state%contact%force)
+      if (free%count > 0) state%modal = state%modal + matmul(free%shape, state%contact%q(2:))
+      gap = gap_of(problem, state%contact%q, state%contact%force)
       do k = 1, problem%n_points
          if (state%contact%status(k) == state_open) state%contact%gap(:, k) = gap(:, k)
       end do

@@ -4,7 +4,8 @@
 !>     d - d_0 = Khat^-1 (phi alpha + R^T (lambda - lambda_0)),      q = phi^T (d - d_0)
 !>     gap     = r_0 + R_s alpha + G_static lambda,                  R_s = R Khat^-1 phi
 !>
-!> The driver of the contact problem is alpha; r_0 follows from the equilibrium. With gap - gap_0 = R_s alpha +
+!> The driver of the contact problem is alpha (and the anchors of motions that only the contact holds); r_0 follows
+!> from the equilibrium. With gap - gap_0 = R_s alpha +
 !> G_static (lambda - lambda_0) and no work of the normal forces on what opens and closes, the energies are, without
 !> any quadrature along the path, and without differences of large numbers,
 !>
@@ -12,6 +13,7 @@
 !>     friction_loss = sum over the steps of mu (mean lambda_n) |slip| >= 0      (`friction_work`)
 !> and the work of alpha, by trapezoids over the steps, is compared with their sum.
 module microslip_analysis_static_path
+   use microslip_analysis_free_motion, only: factor_of_statics, free_motion_t
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_statics, only: static_problem
    use microslip_contact_factory, only: contact_options_t, new_contact_solver
@@ -19,7 +21,7 @@ module microslip_analysis_static_path
    use microslip_contact_problem, only: contact_problem_t, contact_state_t, contact_solver_t, solve_record_t, gap_of
    use microslip_core_error, only: error_t
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve
+   use microslip_linalg_dense, only: cholesky_solve
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
@@ -35,6 +37,8 @@ module microslip_analysis_static_path
       real(wp), allocatable :: phi(:)
       !> (modes) Khat^-1 phi and (modes, 3 points) Khat^-1 R^T
       real(wp), allocatable, private :: direct(:), response(:, :)
+      !> What only the contact holds
+      type(free_motion_t), private :: free
    contains
       procedure :: point
    end type modal_statics_t
@@ -83,11 +87,10 @@ contains
       type(modal_statics_t), intent(out) :: statics
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: factor(:, :), direct(:, :)
+      type(free_motion_t) :: free
 
-      call static_problem(system, [integer ::], statics%problem, statics%response, error)
-      if (allocated(error)) return
-      factor = system%stiffness
-      call cholesky_factor(factor, error)
+      call static_problem(system, [integer ::], statics%problem, statics%response, error, free=free)
+      if (.not. allocated(error)) call factor_of_statics(system, factor, statics%free, error)
       if (allocated(error)) return
       direct = reshape(phi, [size(phi), 1])
       call cholesky_solve(factor, direct)
@@ -97,8 +100,14 @@ contains
       associate (problem => statics%problem)
          problem%R = matmul(system%problem%R(:, :system%n_modes), direct)
          statics%start%q = [0.0_wp]
+         if (statics%free%count > 0) then
+            problem%R = reshape([problem%R, statics%free%contact], [size(problem%R, 1), 1 + statics%free%count])
+            statics%start%q = spread(0.0_wp, 1, 1 + statics%free%count)
+            statics%free%load = reshape(matmul(phi, statics%free%shape), [statics%free%count, 1])
+            statics%free%reference = state%contact%force
+         end if
          problem%r_0 = 0.0_wp
-         problem%r_0 = reshape(state%contact%gap - gap_of(problem, [0.0_wp], state%contact%force), [3*problem%n_points])
+         problem%r_0 = reshape(state%contact%gap - gap_of(problem, statics%start%q, state%contact%force), [3*problem%n_points])
       end associate
    end subroutine new_modal_statics
 
@@ -129,8 +138,8 @@ contains
       from = self%load
       do k = 1, steps
          now = from + (load - from)*k/steps
-         call self%solver%advance(statics%problem, [now], self%contact, solved)
-         moved = modal_displacement(statics, now, self%contact%force) - self%displacement
+         call statics%free%advance(statics%problem, self%solver, [now], self%contact, solved)
+         moved = modal_displacement(statics, self%contact) - self%displacement
          self%work = self%work + 0.5_wp*(self%load + now)*moved
          self%load = now
          self%displacement = self%displacement + moved
@@ -144,13 +153,13 @@ contains
    end subroutine advance
 
    !> q = phi^T Khat^-1 phi alpha + R_s^T (lambda - lambda_0).
-   pure real(wp) function modal_displacement(statics, load, force) result(q)
+   pure real(wp) function modal_displacement(statics, contact) result(q)
       type(modal_statics_t), intent(in) :: statics
-      real(wp), intent(in) :: load
-      real(wp), intent(in) :: force(:, :)
+      type(contact_state_t), intent(in) :: contact
 
-      q = dot_product(statics%phi, statics%direct)*load &
-         & + dot_product(statics%problem%R(:, 1), reshape(force - statics%start%force, [size(force)]))
+      q = dot_product(statics%phi, statics%direct)*contact%q(1) &
+         & + dot_product(statics%problem%R(:, 1), reshape(contact%force - statics%start%force, [size(contact%force)]))
+      if (statics%free%count > 0) q = q + dot_product(statics%free%load(:, 1), contact%q(2:))
    end function modal_displacement
 
    !> What there is to know about where a path is.
@@ -166,13 +175,14 @@ contains
       change = path%contact%force - self%start%force
       row = reshape(change, [size(change)])
       ! What stuck has not moved, to the last digit; solvers need not know the tangential displacement of open points.
-      moved = gap_of(self%problem, [path%load], change) - reshape(self%problem%r_0, shape(change))
+      moved = gap_of(self%problem, path%contact%q, change) - reshape(self%problem%r_0, shape(change))
       do p = 1, size(moved, 2)
          if (path%contact%status(p) /= state_open .and. self%start%status(p) /= state_open) &
             & moved(:, p) = path%contact%gap(:, p) - self%start%gap(:, p)
       end do
       point%load = path%load
       point%modal = self%direct*path%load + matmul(self%response, row)
+      if (self%free%count > 0) point%modal = point%modal + matmul(self%free%shape, path%contact%q(2:))
       point%displacement = dot_product(self%phi, point%modal)
       point%sensor = matmul(point%modal, system%sensor_modal) + matmul(row, system%problem%outputs)
       point%work = path%work

@@ -11,10 +11,11 @@
 !> An initial pressure is on before the first load: r_0 = -G_static lambda_0, and in the modes lambda - lambda_0 takes the
 !> place of lambda.
 module microslip_analysis_statics
+   use microslip_analysis_free_motion, only: factor_of_statics, free_motion_t
    use microslip_contact_problem, only: contact_problem_t
    use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp
-   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, eigen_symmetric, product_of
+   use microslip_linalg_dense, only: cholesky_solve, eigen_symmetric, product_of
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
@@ -28,7 +29,7 @@ module microslip_analysis_statics
 contains
 
    !> Contact problem of the statics, its drivers are the amplitudes of `loads`; `response` = Khat^-1 [loads, R^T].
-   subroutine static_problem(system, loads, problem, response, error, split)
+   subroutine static_problem(system, loads, problem, response, error, split, free)
       type(jointed_system_t), intent(in) :: system
       integer, intent(in) :: loads(:)
       type(contact_problem_t), intent(out) :: problem
@@ -37,19 +38,19 @@ contains
       type(error_t), allocatable, intent(out) :: error
       !> Whether modes that are far softer than the contact are kept apart (default: no)
       logical, intent(in), optional :: split
+      !> What only the contact holds: its anchors are further drivers. Without it such a structure is refused
+      type(free_motion_t), intent(out), optional :: free
+      type(free_motion_t) :: motion
       real(wp), allocatable :: factor(:, :), still(:, :), soft(:, :), stiff(:, :)
       real(wp) :: held(system%n_loads)
       integer :: n, m, k
 
       n = 3*system%problem%n_points
       m = size(loads)
-      factor = system%stiffness
-      call cholesky_factor(factor, error)
-      if (allocated(error)) then
-         call bad_input(error, 'the structure can move freely while its interfaces carry no force: '// &
-            & 'it needs supports, or bolts that hold it, for a static preload')
-         return
-      end if
+      call factor_of_statics(system, factor, motion, error)
+      if (.not. allocated(error) .and. motion%count > 0 .and. .not. present(free)) call bad_input(error, &
+         & 'the structure can move freely while its interfaces carry no force: it needs supports, or bolts that hold it')
+      if (allocated(error)) return
       allocate (response(system%n_modes, m + n))
       response(:, :m) = system%load_modal(:, loads)
       response(:, m + 1:) = transpose(system%problem%R(:, :system%n_modes))
@@ -61,7 +62,7 @@ contains
       held = system%held
       held(loads) = 0.0_wp
       if (present(split)) then
-         if (split) call split_modes(system, soft, stiff, error)
+         if (split .and. motion%count == 0) call split_modes(system, soft, stiff, error)
          if (allocated(error)) return
       end if
       if (allocated(soft)) then
@@ -82,9 +83,16 @@ contains
             problem%G(k, :k - 1) = problem%G(:k - 1, k)
          end do
       end if
-      allocate (problem%R(n, m))
-      problem%R = system%problem%R(:, system%n_modes + loads) &
+      allocate (problem%R(n, m + motion%count))
+      problem%R(:, :m) = system%problem%R(:, system%n_modes + loads) &
          & + matmul(system%problem%R(:, :system%n_modes), response(:, :m))
+      if (.not. present(free)) return
+      if (motion%count > 0) then
+         problem%R(:, m + 1:) = motion%contact
+         motion%load = matmul(transpose(motion%shape), system%load_modal(:, loads))
+         motion%reference = system%initial_force()
+      end if
+      free = motion
    end subroutine static_problem
 
    !> Which modes of Khat are far softer than the contact: q_k / sqrt(lambda_k) of those, (modes, directions), and of the others.

@@ -8,11 +8,11 @@ module microslip_cli_run
    use microslip_cli_log, only: log_t, listed
    use microslip_cli_scene, only: scene_t
    use microslip_contact_factory, only: contact_options_t
-   use microslip_core_error, only: error_t, failure
+   use microslip_core_error, only: error_t, bad_input
    use microslip_core_kinds, only: wp, pi
    use microslip_core_stopwatch, only: stopwatch_t
    use microslip_core_text, only: to_text
-   use microslip_core_warning_list, only: warning_list_t
+   use microslip_core_warning_list, only: severity_note, warning_list_t
    use microslip_fe_reduced_model, only: reduced_model_t
    use microslip_io_case, only: case_t
    use microslip_io_checkpoint, only: checkpoint_t
@@ -123,6 +123,9 @@ contains
       if (run%case%damping%reference == 'preloaded') n = max(n, run%case%damping%reference_mode)
       call solve_linear_modes(run%system, run%state%contact%status, n, run%modes, error)
       if (allocated(error)) return
+      if (run%case%linear_modes%n_modes > size(run%modes%frequency) .and. run%case%linear_modes%asked) &
+         & call run%warnings%add(severity_note, '&linear_modes: n_modes = '//to_text(run%case%linear_modes%n_modes) &
+         & //' are asked for, the reduced model has '//to_text(size(run%modes%frequency))//': keep more in &reduction')
       call run%clock%stop('linear modes')
       call run%log%line('linear modes about the preload, Hz:'//listed(run%modes%frequency(:min(10, size(run%modes%frequency)))) &
          & //' (residual '//to_text(run%modes%residual, 2)//')')
@@ -138,7 +141,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       if (mode > size(run%modes%frequency)) then
-         call failure(error, analysis//': mode '//to_text(mode)//' is asked for, but only ' &
+         call bad_input(error, analysis//': mode '//to_text(mode)//' is asked for, but only ' &
             & //to_text(size(run%modes%frequency))//' are retained')
       else
          phi = run%modes%shape(:, mode)
@@ -168,7 +171,7 @@ contains
          associate (load => run%case%loads(k))
             if (load%kind /= 'modal') cycle
             if (load%mode > size(run%modes%frequency)) then
-               call failure(error, "load '"//trim(load%name)//"': mode "//to_text(load%mode)//' is asked for, but only ' &
+               call bad_input(error, "load '"//trim(load%name)//"': mode "//to_text(load%mode)//' is asked for, but only ' &
                   & //to_text(size(run%modes%frequency))//' are retained')
                return
             end if

@@ -4,6 +4,7 @@ module microslip_cli_set_up
    use microslip_cli_coupling_report, only: report_estimate
    use microslip_cli_reduction_report, only: report_reduction
    use microslip_cli_restart, only: take_run_back
+   use microslip_cli_result_checks, only: check_coupling
    use microslip_cli_run, only: run_t, preload_options, write_system, damping
    use microslip_cli_scene, only: add_motions, contact_interfaces
    use microslip_cli_demand, only: uses_fft
@@ -104,7 +105,7 @@ contains
 
    !> The scale-split coupling's estimates of its own error.
    subroutine try_couplings(run, estimates, error)
-      type(run_t), intent(in) :: run
+      type(run_t), intent(inout) :: run
       !> (pads)
       type(coupling_error_t), allocatable, intent(out) :: estimates(:)
       type(error_t), allocatable, intent(out) :: error
@@ -116,6 +117,7 @@ contains
          call estimate_coupling_error(run%system, k, run%scene%meshes(k)%spacing, estimates(k), error)
          if (allocated(error)) return
          call report_estimate(run%log, run%system%pads(k), estimates(k))
+         call check_coupling(run%system%pads(k), estimates(k), run%warnings)
       end do
    end subroutine try_couplings
 

@@ -1,10 +1,11 @@
 !> Analyses without time: preload, linear modes about it, quasi-static modal analysis.
 module microslip_cli_static_analyses
-   use microslip_analysis_preload, only: preload_record_t, run_preload
+   use microslip_analysis_preload, only: preload_options_t, preload_record_t, run_preload
    use microslip_analysis_qsma, only: loops_always, loops_never, modal_parameters_t, qsma_options_t, qsma_record_t, run_qsma, &
       & spaced_amplitudes
+   use microslip_analysis_slip_size, only: slip_in_cells
    use microslip_cli_log, only: listed
-   use microslip_cli_result_checks, only: check_masing, check_slip
+   use microslip_cli_result_checks, only: check_masing, check_preload, check_slip
    use microslip_cli_run, only: run_t, contact_options, preload_options, write_system, find_modes, settle_damping, &
       & shape_of_mode
    use microslip_cli_surface_input, only: check_closed_points
@@ -24,6 +25,7 @@ contains
    subroutine preload(run, error)
       type(run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
+      type(preload_options_t) :: options
       type(preload_record_t) :: record
       integer :: added, round, k, first, last
 
@@ -46,6 +48,10 @@ contains
          & //to_text(record%residual, 2)//', error estimate '//to_text(record%error_estimate, 2))
       call check_pressure(run, record, error)
       if (allocated(error)) return
+      options = preload_options(run)
+      call check_preload(run%system, run%state, run%scene%load_names(options%loads), run%state%amplitude(options%loads), &
+         & run%system%imposed(options%loads), allocated(options%interface_force), run%warnings)
+      call check_slip('preload', slip_in_cells(run%system, run%state%contact), run%warnings)
       do k = 1, size(run%system%pads)
          associate (pad => run%system%pads(k))
             first = pad%point_offset + 1

@@ -212,6 +212,8 @@ contains
 
       call factor%factorise(stiffness, error, positive_definite=.true., singular_row=row)
       call name_free_row(model, row, error)
+      if (row > 0) error%message = error%message//" (method = 'macneal' needs supports that hold every body while the " &
+         & //"interfaces are open; 'craig_bampton_massless', the default, does not)"
       if (allocated(error)) return
       call find_modes(model, stiffness, mass, factor, options, lambda, phi, reduced, error)
       if (allocated(error)) return

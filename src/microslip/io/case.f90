@@ -161,6 +161,8 @@ module microslip_io_case
    !> `&linear_modes`: modes about the preload.
    type :: linear_modes_case_t
       integer :: n_modes = 10
+      !> Whether the number was given
+      logical :: asked = .false.
    end type linear_modes_case_t
 
    !> `&transient`: time integration.

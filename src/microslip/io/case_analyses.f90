@@ -116,6 +116,7 @@ contains
       type(linear_modes_case_t), intent(inout) :: record
 
       call keys%integer_key('n_modes', record%n_modes, at_least(1))
+      record%asked = record%asked .or. keys%given('n_modes')
       call keys%finish()
    end subroutine linear_modes_keys
 
