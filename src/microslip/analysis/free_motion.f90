@@ -145,7 +145,9 @@ contains
          counted = reshape(trial%force - self%reference, [size(trial%force)])
          do k = 1, self%count
             force(k) = dot_product(self%load(k, :), loads) + self%constant(k) + dot_product(self%contact(:, k), counted)
-            size_of_all(k) = sum(abs(self%load(k, :)*loads)) + abs(self%constant(k)) + sum(abs(self%contact(:, k)*counted))
+            ! The contact solver's tolerance is a part of the whole contact force, not of its change.
+            size_of_all(k) = sum(abs(self%load(k, :)*loads)) + abs(self%constant(k)) + sum(abs(self%contact(:, k)*counted)) &
+               & + sum(abs(self%contact(:, k)*reshape(trial%force, [size(trial%force)])))
          end do
          if (all(abs(force) <= balance*maxval(size_of_all))) exit
          anchor = anchor + force/self%spring

@@ -43,8 +43,9 @@ contains
 
       if (by_force) then
          do k = 1, size(names)
-            if (amplitude(k) < 0.0_wp .and. .not. imposed(k)) call warnings%add(severity_wrong, "preload: load '"//trim(names(k))//"' is scaled by " &
-               & //to_text(amplitude(k), 4)//": as it is given it pulls the interface open; turn its direction round in &load")
+            if (imposed(k) .or. amplitude(k) >= 0.0_wp) cycle
+            call warnings%add(severity_wrong, "preload: load '"//trim(names(k))//"' is scaled by "//to_text(amplitude(k), 4) &
+               & //': as it is given it pulls the interface open; turn its direction round in &load')
          end do
       end if
       normal = system%interface_forces(state%contact%force)
