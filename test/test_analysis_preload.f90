@@ -502,7 +502,7 @@ contains
          call run_preload(joint%system, options, by('condensed'), state, record, lib)
          call check(error, allocated(lib), 'a structure that nothing holds was taken')
          if (allocated(error)) return
-         call check(error, lib%status == status_bad_input .and. index(lib%message, 'moves freely') > 0, lib%message)
+         call check(error, lib%status == status_failed .and. index(lib%message, 'moves freely') > 0, lib%message)
          if (allocated(error)) return
       end do
    end subroutine test_lost_structure

@@ -340,7 +340,7 @@ contains
          record%residual = solved%residual
          record%error_estimate = solved%error_estimate
          if (.not. held) then
-            call bad_input(error, 'preload: the structure moves freely: nothing but the contact could hold it, and under these ' &
+            call failure(error, 'preload: the structure moves freely: nothing but the contact could hold it, and under these ' &
                & //'loads it lifts off or slides away; it needs supports, bolts, or loads that press it on')
          else if (.not. solved%converged) then
             call failure(error, 'preload: the contact did not converge (residual '//to_text(solved%residual)// &
