@@ -26,7 +26,7 @@ module microslip_analysis_preload
    use microslip_core_error, only: error_t, failure
    use microslip_core_kinds, only: wp
    use microslip_core_text, only: to_text
-   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, product_of, solve_general
+   use microslip_linalg_dense, only: cholesky_factor, cholesky_solve, solve_general
    use microslip_system_jointed_system, only: jointed_system_t
    implicit none(type, external)
    private
@@ -146,9 +146,12 @@ contains
    pure function free_normal_gap(problem, amplitude) result(gap)
       type(contact_problem_t), intent(in) :: problem
       real(wp), intent(in) :: amplitude(:)
-      real(wp) :: gap(problem%n_points), whole(3*problem%n_points)
+      real(wp) :: gap(problem%n_points), whole(3*problem%n_points), drivers(size(problem%R, 2))
 
-      whole = free_gap(problem, amplitude)
+      ! Anchors of free motions, which come after the loads, stay where they are.
+      drivers = 0.0_wp
+      drivers(:size(amplitude)) = amplitude
+      whole = free_gap(problem, drivers)
       gap = whole(1::3)
    end function free_normal_gap
 
