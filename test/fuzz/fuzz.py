@@ -34,7 +34,8 @@ CASES = ("dynamics", "sines", "periodic", "calculix", "gmsh", "nodes", "pressed"
 #: What only a program that fell over writes.
 CRASH = re.compile(r"Fortran runtime|Backtrace for|Error termination|SIG[A-Z]{3,}|HDF5-DIAG|Operating system error|STOP |"
                    r"terminate called|corrupted|free\(\)|malloc|Killed")
-NOT_A_NUMBER = re.compile(r"\b[-+]?(nan|inf|infinity)\b|\*{4,}", re.I)
+# Advice on unknown points ("must be NaN") is no number.
+NOT_A_NUMBER = re.compile(r"(?<!be )(?<!it )(?<!points )\b[-+]?(nan|inf|infinity)\b|\*{4,}", re.I)
 MEMORY = 4 * 2**30
 #: s of processor time: for a batch to start, for a case that is read, for one that is run. How much longer it may take by the clock.
 START, CHECK, RUN = 20.0, 1.0, 60.0
