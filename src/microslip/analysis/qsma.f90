@@ -41,7 +41,7 @@ module microslip_analysis_qsma
 
    !> The trial step that tells load per amplitude, as a part of the smallest amplitude.
    real(wp), parameter :: trial_share = 1.0e-3_wp
-   !> A sensor moves by rounding alone in a mode: its displacement over the sum of what the modal coordinates contribute.
+   !> A sensor moves by rounding alone in a mode: its displacement over what it could be for a mode of this size.
    real(wp), parameter :: no_reach = 1.0e-8_wp
    !> A loop is closed where its ends are as close as this part of its width; rounds until then.
    real(wp), parameter :: closed_within = 1.0e-6_wp
@@ -296,7 +296,7 @@ contains
 
       load_per_amplitude = 0.0_wp
       reach = norm2(matmul(options%phi, system%sensor_modal(:, options%sensors)))
-      if (reach <= no_reach*norm2(matmul(abs(options%phi), abs(system%sensor_modal(:, options%sensors))))) reach = 0.0_wp
+      if (reach <= no_reach*norm2(options%phi)*norm2(system%sensor_modal(:, options%sensors))) reach = 0.0_wp
       if (reach > 0.0_wp) then
          trial = start
          call trial%advance(statics, trial_share*options%amplitude(1)*(2.0_wp*pi*options%frequency)**2/reach, 1)
