@@ -13,7 +13,8 @@ module microslip_analysis_harmonic_balance
    use microslip_analysis_linear_modes, only: stuck_stiffness
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_balance, only: fit_contact, periodic_balance_t, repeat_share, spectrum
-   use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t
+   use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t, most_refinements, &
+      & changes_on
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, bad_input, failure
    use microslip_core_kinds, only: wp, pi
@@ -292,18 +293,18 @@ contains
       type(forced_response_t), intent(inout) :: problem
       type(truncation_t), intent(out) :: truncation
       type(forced_response_t) :: fine
-      type(response_point_t) :: point
+      type(response_point_t) :: point, fine_point
       type(error_t), allocatable :: error
       real(wp), allocatable :: y(:), r(:), fine_y(:), fine_r(:), step(:, :), beyond(:, :), sensor(:, :)
-      real(wp) :: change(2, 2)
-      integer :: harmonics, k, m, n
+      real(wp) :: change(2, most_refinements + 2)
+      integer :: harmonics, k, last, m, n
 
       y = problem%worst
       associate (balance => problem%balance)
          m = balance%system%n_modes
          n = size(y) - 1
          harmonics = balance%spectrum_harmonics()
-         allocate (r(n), step(n + 1, 2))
+         allocate (r(n), step(n + 1, 0:most_refinements + 2), source=0.0_wp)
          call problem%residual(y, .true., r, error)
          if (allocated(error)) return
          point = balance%describe()
@@ -317,28 +318,38 @@ contains
          allocate (fine_y(fine%balance%unknowns() + 1), fine_r(fine%balance%unknowns()), source=0.0_wp)
          fine_y(:n) = y(:n)
          fine_y(size(fine_y)) = y(n + 1)
-         allocate (sensor(size(point%sensor, 1), 2*harmonics + 1))
-         do k = 1, 2
+         do k = 1, size(change, 2)
             call fine%residual(fine_y, .true., fine_r, error)
             if (allocated(error) .or. fine%balance%doubt() > 0.0_wp) return
             ! The residual at y was evaluated before, the Jacobian is that of the coarse problem.
             call step_to_curve(problem, y, fine_r(:n), .false., k == 1, step(:, k), error)
             if (allocated(error)) return
-            point = fine%balance%describe()
-            sensor = point%sensor
+            fine_point = fine%balance%describe()
+            sensor = fine_point%sensor
             sensor(:, :n/m) = sensor(:, :n/m) + matmul(transpose(balance%system%sensor_modal), reshape(step(:n, k), [m, n/m]))
-            truncation%amplitude = norm2(point%sensor(balance%sensors, 2:n/m))
-            change(1, k) = norm2(sensor(balance%sensors, 2:))
-            change(2, k) = step(n + 1, k)/y(n + 1)
-            if (k == 2) exit
+            ! From the second on the motion has changed by the steps before already.
+            if (k > 2) step(:, k) = step(:, k) + step(:, k - 1)
+            change(:, k) = [norm2(sensor(balance%sensors, 2:))/point%amplitude - 1.0_wp, step(n + 1, k)/y(n + 1)]
+            last = k
+            if (k == size(change, 2)) exit
+            if (k > 2) then
+               if (.not. changes_on(change(:, k), change(:, k - 1))) exit
+            else if (k == 2) then
+               if (.not. changes_on(change(:, k), 0.0_wp*change(:, k))) exit
+            end if
             ! What the same forces, seen by more samples, excite beyond the series
             call balance%neglected(y(n + 1), 0.0_wp, harmonics, beyond, error, fine%balance)
             if (allocated(error)) return
+            if (k > 1) then
+               fine_y(:n) = y(:n) + step(:n, k)
+               fine_y(size(fine_y)) = y(n + 1) + step(n + 1, k)
+            end if
             fine_y(n + 1:size(fine_y) - 1) = reshape(beyond(:, n/m + 1:), [size(fine_y) - 1 - n])
          end do
          truncation%frequency = y(n + 1)/(2.0_wp*pi)
-         truncation%by_samples = [change(1, 1)/truncation%amplitude - 1.0_wp, change(2, 1)]
-         truncation%by_both = [change(1, 2)/truncation%amplitude - 1.0_wp, change(2, 2)]
+         truncation%amplitude = point%amplitude
+         truncation%by_samples = change(:, 1)
+         truncation%by_both = change(:, last)
          truncation%known = .true.
       end associate
    end subroutine estimate_truncation

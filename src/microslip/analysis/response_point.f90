@@ -6,7 +6,12 @@ module microslip_analysis_response_point
    implicit none(type, external)
    private
 
-   public :: response_point_t, response_recorder_t, truncation_t
+   public :: response_point_t, response_recorder_t, truncation_t, most_refinements, changes_on
+
+   !> Times that the harmonics beyond the series are found anew; relative change from which that is worth it; part of the
+   !> change that may be left.
+   integer, parameter :: most_refinements = 8
+   real(wp), parameter :: worth_it = 5.0e-3_wp, left = 0.05_wp
 
    type :: response_point_t
       !> Forced: factor on the load pattern
@@ -43,6 +48,8 @@ module microslip_analysis_response_point
 
    !> What harmonics and samples miss at one point of a curve: its motion is put on twice the samples, first as it is, then
    !> with the harmonics that its contact forces excite beyond the series; a step of Newton's method tells what that changes.
+   !> Where that is much, turning points move so far that the high harmonics no longer meet there: their forces are then
+   !> found anew for the changed motion, and so on (`most_refinements` times).
    type :: truncation_t
       logical :: known = .false.
       !> Hz and m: the point, that of the largest `neglected_velocity`
@@ -68,5 +75,13 @@ module microslip_analysis_response_point
          type(error_t), allocatable, intent(out) :: error
       end subroutine record_interface
    end interface
+
+contains
+
+   !> Whether estimated changes are worth to be found anew.
+   pure logical function changes_on(now, before)
+      real(wp), intent(in) :: now(:), before(:)
+      changes_on = maxval(abs(now)) > worth_it .and. maxval(abs(now - before)) > left*maxval(abs(now))
+   end function changes_on
 
 end module microslip_analysis_response_point
