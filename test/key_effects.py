@@ -161,6 +161,7 @@ EXPECTED = {
     ("contact", "compliance='dense'"): "the choice of 'auto' here",
     ("ringdown", "sensor='top'"): "the default", ("qsma", "sensor='top'"): "the default",
     ("harmonic_balance", "sensor='top'"): "the default", ("epmc", "sensor='top'"): "the default",
+    ("qsma", "cycle=.true."): "loops run by themselves here",
     ("topography", "layout='z[x,y]'"): "what the file's shape says",
     ("topography", "level='mean'"): "a constant; the highest point is put at 0 afterwards",
     ("contact", "max_iterations=50"): "a limit that is not reached",

@@ -23,7 +23,6 @@ module microslip_cli_driver
    use microslip_core_version, only: program_version
    use microslip_core_warning_list, only: warning_list_t
    use microslip_fe_model, only: fe_model_t
-   use microslip_fe_reduction, only: craig_bampton_massless
    use microslip_io_case, only: case_t
    use microslip_io_case_file, only: read_case, resolved_text
    use microslip_io_checkpoint, only: end_checkpoints
@@ -179,7 +178,7 @@ contains
          return
       end if
       call reduce_model(run, error)
-      if (.not. allocated(error) .and. run%case%reduction%method == craig_bampton_massless) call run%log%line( &
+      if (.not. allocated(error)) call run%log%line( &
          & 'tied frequencies, Hz:'//listed(run%reduced%frequency(:min(6, run%reduced%tied_modes))))
       if (.not. allocated(error)) call check_times(run%case, run%scene, &
          & run%reduced%frequency(:run%reduced%tied_modes), run%warnings)

@@ -285,24 +285,25 @@ contains
       end if
    end subroutine check_numbers
 
-   !> A unit that no dataset takes is one too much where it contradicts theirs.
+   !> A unit that no dataset needs, as all state theirs, is refused where it is not that of the heights either.
    subroutine check_unit(file, names, unit, error)
       type(hdf5_file_t), intent(in) :: file
-      character(len=*), intent(in) :: names(3), unit
+      !> Datasets of x, y and the heights
+      character(len=*), intent(in) :: names(3)
+      !> By unit_length
+      character(len=*), intent(in) :: unit
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: text
       real(wp) :: factor
-      logical :: stated, differs
+      logical :: stated
       integer :: k
 
-      differs = .false.
       do k = 1, 3
          call find_unit(file, trim(names(k)), factor, text, stated, error, unit)
          if (allocated(error) .or. .not. stated) return
-         differs = differs .or. abs(factor - in_metres(unit)) > 0.0_wp
       end do
-      if (differs) call bad_input(error, file%path//": unit_length = '"//unit//"' would be ignored: all datasets state their "// &
-         'units, and not only this one; leave it out')
+      if (abs(factor - in_metres(unit)) > 0.0_wp) call bad_input(error, file%path//": unit_length = '"//unit// &
+         "' would be ignored: all datasets state their units, the heights another one; leave it out")
    end subroutine check_unit
 
 end module microslip_io_topography_file
