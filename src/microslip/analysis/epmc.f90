@@ -12,7 +12,7 @@ module microslip_analysis_epmc
       & ended_at_last, go_on, no_start, solve_again, step_to_curve, trace_curve, why_ended
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_balance, only: fit_contact, periodic_balance_t, repeat_share
-   use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t
+   use microslip_analysis_response_point, only: response_point_t, no_velocity, much_velocity, response_recorder_t, truncation_t
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, bad_input, failure
    use microslip_core_kinds, only: wp, pi
@@ -61,6 +61,8 @@ module microslip_analysis_epmc
       !> (n + 1) the last point, and that of the largest neglected velocity
       real(wp), allocatable :: last(:), worst(:)
       real(wp) :: worst_velocity = -1.0_wp
+      !> dF/dx as it was known there
+      real(wp), allocatable :: worst_derivative(:, :)
       !> Points on the way to the first amplitude are not handed on
       logical :: on_the_way = .false.
    contains
@@ -181,6 +183,7 @@ contains
       real(wp), allocatable :: y(:), r(:), fine_y(:), fine_r(:), step(:), beyond(:, :)
       real(wp) :: a, change(2, 2)
       integer :: harmonics, k, m, n
+      logical :: fresh
 
       y = problem%worst
       associate (balance => problem%balance)
@@ -191,23 +194,26 @@ contains
          allocate (r(n + 2), step(n + 3))
          call problem%residual(y, .true., r, error)
          if (allocated(error)) return
+         ! Computing it anew would take most of the time of the estimate.
+         fresh = problem%worst_velocity > much_velocity
+         if (.not. fresh) balance%derivative = problem%worst_derivative
          point = balance%describe()
          fine%shape = problem%shape
          fine%omega = problem%omega
          fine%tolerance = problem%tolerance
-         call fine%balance%set_up(balance%system, balance%operating, balance%sensors, harmonics, 2*balance%samples(), &
-            & balance%contact_options, error)
-         if (allocated(error)) return
+         fine%balance = balance
+         call fine%balance%resample(harmonics, 2*balance%samples())
          allocate (fine_y(fine%balance%unknowns() + 3), fine_r(fine%balance%unknowns() + 2), source=0.0_wp)
          fine_y(:n) = y(:n)
          fine_y(size(fine_y) - 2:) = y(n + 1:)
          do k = 1, 2
-            call fine%residual(fine_y, .true., fine_r, error)
+            call fine%residual(fine_y, k == 1, fine_r, error)
             if (allocated(error) .or. fine%balance%doubt() > 0.0_wp) return
-            call step_to_curve(problem, y, [fine_r(:n), fine_r(size(fine_r) - 1:)], .true., k == 1, step, error)
+            call fine%balance%accept()
+            call step_to_curve(problem, y, [fine_r(:n), fine_r(size(fine_r) - 1:)], .true., fresh .and. k == 1, step, error)
             if (allocated(error)) return
             change(:, k) = step([n + 2, n + 1])/y([n + 2, n + 1])
-            if (k == 2) exit
+            if (k == 2 .or. problem%worst_velocity < no_velocity) exit
             call balance%neglected(problem%omega*y(n + 1), -2.0_wp*y(n + 2)*problem%omega*y(n + 1), harmonics, beyond, error, &
                & fine%balance)
             if (allocated(error)) return
@@ -216,7 +222,7 @@ contains
          truncation%frequency = problem%omega*y(n + 1)/(2.0_wp*pi)
          truncation%amplitude = point%amplitude
          truncation%by_samples = change(:, 1)
-         truncation%by_both = change(:, 2)
+         truncation%by_both = change(:, min(k, 2))
          truncation%known = .true.
       end associate
    end subroutine estimate_truncation
@@ -373,6 +379,7 @@ contains
          & -2.0_wp*y(n + 2)*self%omega*y(n + 1))
       if (point%neglected_velocity > self%worst_velocity) then
          self%worst = y
+         self%worst_derivative = self%balance%derivative
          self%worst_velocity = point%neglected_velocity
       end if
       call self%recorder%record(point, error)

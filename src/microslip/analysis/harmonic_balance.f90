@@ -14,7 +14,7 @@ module microslip_analysis_harmonic_balance
    use microslip_analysis_operating_state, only: operating_state_t
    use microslip_analysis_periodic_balance, only: fit_contact, periodic_balance_t, repeat_share, spectrum
    use microslip_analysis_response_point, only: response_point_t, response_recorder_t, truncation_t, most_refinements, &
-      & changes_on
+      & changes_on, no_velocity, much_velocity
    use microslip_contact_factory, only: contact_options_t
    use microslip_core_error, only: error_t, bad_input, failure
    use microslip_core_kinds, only: wp, pi
@@ -68,6 +68,8 @@ module microslip_analysis_harmonic_balance
       !> (n + 1) the point of the largest neglected velocity
       real(wp), allocatable :: worst(:)
       real(wp) :: worst_velocity = -1.0_wp
+      !> dF/dx as it was known there
+      real(wp), allocatable :: worst_derivative(:, :)
    contains
       procedure :: residual
       procedure :: jacobian
@@ -298,6 +300,7 @@ contains
       real(wp), allocatable :: y(:), r(:), fine_y(:), fine_r(:), step(:, :), beyond(:, :), sensor(:, :)
       real(wp) :: change(2, most_refinements + 2)
       integer :: harmonics, k, last, m, n
+      logical :: fresh
 
       y = problem%worst
       associate (balance => problem%balance)
@@ -307,22 +310,23 @@ contains
          allocate (r(n), step(n + 1, 0:most_refinements + 2), source=0.0_wp)
          call problem%residual(y, .true., r, error)
          if (allocated(error)) return
+         ! Computing it anew would take most of the time of the estimate.
+         fresh = problem%worst_velocity > much_velocity
+         if (.not. fresh) balance%derivative = problem%worst_derivative
          point = balance%describe()
          fine%load = problem%load
          fine%tolerance = problem%tolerance
-         call fine%balance%set_up(balance%system, balance%operating, balance%sensors, harmonics, 2*balance%samples(), &
-            & balance%contact_options, error)
-         if (allocated(error)) return
-         fine%balance%load = balance%load
-         fine%balance%level = balance%level
+         fine%balance = balance
+         call fine%balance%resample(harmonics, 2*balance%samples())
          allocate (fine_y(fine%balance%unknowns() + 1), fine_r(fine%balance%unknowns()), source=0.0_wp)
          fine_y(:n) = y(:n)
          fine_y(size(fine_y)) = y(n + 1)
          do k = 1, size(change, 2)
-            call fine%residual(fine_y, .true., fine_r, error)
+            call fine%residual(fine_y, k == 1, fine_r, error)
             if (allocated(error) .or. fine%balance%doubt() > 0.0_wp) return
+            call fine%balance%accept()
             ! The residual at y was evaluated before, the Jacobian is that of the coarse problem.
-            call step_to_curve(problem, y, fine_r(:n), .false., k == 1, step(:, k), error)
+            call step_to_curve(problem, y, fine_r(:n), .false., fresh .and. k == 1, step(:, k), error)
             if (allocated(error)) return
             fine_point = fine%balance%describe()
             sensor = fine_point%sensor
@@ -331,7 +335,7 @@ contains
             if (k > 2) step(:, k) = step(:, k) + step(:, k - 1)
             change(:, k) = [norm2(sensor(balance%sensors, 2:))/point%amplitude - 1.0_wp, step(n + 1, k)/y(n + 1)]
             last = k
-            if (k == size(change, 2)) exit
+            if (k == size(change, 2) .or. problem%worst_velocity < no_velocity) exit
             if (k > 2) then
                if (.not. changes_on(change(:, k), change(:, k - 1))) exit
             else if (k == 2) then
@@ -481,6 +485,7 @@ contains
       point%neglected_velocity = self%balance%neglected_velocity(point, y(size(y)), 0.0_wp)
       if (point%neglected_velocity > self%worst_velocity) then
          self%worst = y
+         self%worst_derivative = self%balance%derivative
          self%worst_velocity = point%neglected_velocity
       end if
       call self%recorder%record(point, error)

@@ -84,8 +84,8 @@ module microslip_analysis_periodic_balance
       type(fourier_t), private :: equal
       !> (drivers, samples) of the last evaluation
       real(wp), allocatable, private :: q(:, :)
-      !> (modes columns, modes columns) dF/dx
-      real(wp), allocatable, private :: derivative(:, :)
+      !> (modes columns, modes columns) dF/dx as it is known
+      real(wp), allocatable :: derivative(:, :)
       !> (modes) R^T lambda and (sensors) displacement of the operating state
       real(wp), allocatable, private :: reaction(:), sensor(:)
    contains
@@ -104,6 +104,7 @@ module microslip_analysis_periodic_balance
       procedure :: neglected_velocity
       procedure :: spectrum_harmonics
       procedure :: samples
+      procedure :: resample
    end type periodic_balance_t
 
 contains
@@ -130,6 +131,21 @@ contains
       system%problem%velocity_level = contact_options%velocity_level
       call begin(self, error)
    end subroutine set_up
+
+   !> Go over to other harmonics and samples; the operating state and the contact solver stay.
+   subroutine resample(self, harmonics, samples)
+      class(periodic_balance_t), intent(inout) :: self
+      !> H and N > 2H
+      integer, intent(in) :: harmonics, samples
+
+      self%equal = new_fourier(harmonics, samples)
+      self%fourier = self%equal
+      if (allocated(self%x)) deallocate (self%x, self%force)
+      if (allocated(self%accepted)) deallocate (self%accepted)
+      if (allocated(self%derivative)) deallocate (self%derivative)
+      self%contact%can_go_onward = .false.
+      self%resumes = .false.
+   end subroutine resample
 
    !> What belongs to the operating state.
    subroutine begin(self, error)

@@ -6,12 +6,16 @@ module microslip_analysis_response_point
    implicit none(type, external)
    private
 
-   public :: response_point_t, response_recorder_t, truncation_t, most_refinements, changes_on
+   public :: response_point_t, response_recorder_t, truncation_t, most_refinements, changes_on, no_velocity, much_velocity
 
    !> Times that the harmonics beyond the series are found anew; relative change from which that is worth it; part of the
    !> change that may be left.
    integer, parameter :: most_refinements = 8
    real(wp), parameter :: worth_it = 5.0e-3_wp, left = 0.05_wp
+   !> Neglected velocity that moves no turning point so far that it would show.
+   real(wp), parameter :: no_velocity = 1.0e-3_wp
+   !> Neglected velocity that may be a large error, whose estimate is worth a derivative of its own.
+   real(wp), parameter :: much_velocity = 1.0e-2_wp
 
    type :: response_point_t
       !> Forced: factor on the load pattern
