@@ -17,6 +17,7 @@ Every folder holds case files, their inputs and `expected.json`, which lists eve
                                         of all numbers (NaN left out); amplitude: half the range of the last 15 %
         "expected": [34106.7, 36828.0],
         "relative": 1e-6}],             or "absolute"
+      "edit": [["old", "new"]],         texts replaced in the case file before it is run
       "options": ["--check"],           more arguments
       "threads": 1,                     OMP_NUM_THREADS
       "seconds": 120}                   longest run time
@@ -76,6 +77,8 @@ def value_faults(result, rows):
 def faults_of(program, folder, case, wanted):
     """What is wrong with one run, one text each."""
     result = folder / "results" / f"{case}.h5"
+    for old, new in wanted.get("edit", []):
+        (folder / case).write_text((folder / case).read_text().replace(old, new))
     environment = {**os.environ, "OMP_NUM_THREADS": str(wanted.get("threads", 1))}
     command = [program, case, *(["--output", str(result)] if "--write-model" not in wanted.get("options", []) else []),
                *wanted.get("options", [])]
