@@ -299,7 +299,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable :: y(:), r(:), fine_y(:), fine_r(:), step(:, :), beyond(:, :), sensor(:, :)
       real(wp) :: change(2, most_refinements + 2)
-      integer :: harmonics, k, last, m, n
+      integer :: harmonics, k, first, last, m, n
       logical :: fresh
 
       y = problem%worst
@@ -353,7 +353,10 @@ contains
          truncation%frequency = y(n + 1)/(2.0_wp*pi)
          truncation%amplitude = point%amplitude
          truncation%by_samples = change(:, 1)
-         truncation%by_both = change(:, last)
+         ! The steps follow one another's forces, and in motions with stops they do not come closer: the larger of the first
+         ! and the last counts.
+         first = min(2, last)
+         truncation%by_both = merge(change(:, first), change(:, last), abs(change(:, first)) > abs(change(:, last)))
          truncation%known = .true.
       end associate
    end subroutine estimate_truncation
