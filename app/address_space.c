@@ -1,5 +1,5 @@
 /* Refuses to start where the limit of address space (ulimit -v) is too small for OpenBLAS: while it is loaded, before main,
-   OpenBLAS asks for its buffers again and again, for ever, if it does not get them. Functions in .preinit_array run
+   and in its first products OpenBLAS asks for its buffers again and again, for ever, if it does not get them. Functions in .preinit_array run
    before the constructors of all libraries; only C can place one there. */
 #ifdef __linux__
 #include <string.h>
@@ -7,8 +7,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* Measured with OpenBLAS 0.3.21: about 200 MB with one thread, 60 MB for every further one; with some reserve. */
-static const rlim_t base = 256ull << 20, per_thread = 96ull << 20;
+/* Measured with OpenBLAS 0.3.21, whose buffers have 128 MB: 352 MB do with one thread, 508 MB with two; with some reserve. */
+static const rlim_t base = 384ull << 20, per_thread = 160ull << 20;
 
 static long threads(char **environment)
 {

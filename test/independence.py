@@ -11,12 +11,12 @@ from kill_campaign import datasets, same
 
 # Wall times; and how long the iterations were, which tells of the run and not of the structure.
 TIMES = re.compile(r"^timing/|/seconds")
-EFFORT = re.compile(r"/iterations$|^model/reduction/|evaluations$|/rescues$|/set_changes$")
+EFFORT = re.compile(r"/iterations$|/periods$|^model/reduction/|evaluations$|/rescues$|/set_changes$")
 # Largest difference over the largest value of a dataset. Other threads and flags round differently; the contact solver then
 # stops elsewhere within its tolerance of 1e-10, and a step that ends on the other side of a state's border stays within it.
 # Residuals, estimates and balances are small themselves: they may differ by SMALL.
 TOLERANCE = 1e-8
-RESIDUALS = re.compile(r"residual|error|balance|closure|change$|deviation|repeat_error")
+RESIDUALS = re.compile(r"residual|error|balance|closure|contradiction|change$|deviation|repeat_error")
 SMALL = 1e-8
 # Share of the counts of points in a state that may differ: points at the border of two states.
 COUNTS, BORDER = re.compile(r"contact/(open|stick|slip)$|counts"), 0.02

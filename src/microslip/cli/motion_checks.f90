@@ -2,7 +2,7 @@
 !>
 !> Nothing here is refused: every check has a named threshold (doc/namelists.md, "What is doubted").
 module microslip_cli_motion_checks
-   use microslip_analysis_excitation, only: end_of_all
+   use microslip_analysis_excitation, only: end_of_all, excitation_t
    use microslip_cli_motion_input, only: excitations_of
    use microslip_cli_scene, only: scene_t
    use microslip_core_kinds, only: wp, pi
@@ -134,15 +134,17 @@ contains
       !> Hz
       real(wp), intent(in) :: lowest, highest
       type(warning_list_t), intent(inout) :: warnings
+      type(excitation_t), allocatable :: excitations(:)
       real(wp) :: step, duration, samples
       logical :: measures
 
       measures = any(case%excitations%kind == 'stepped_sine' .or. case%excitations%kind == 'swept_sine')
       duration = case%transient%duration
       if (duration > 0.0_wp .and. .not. measures) call check_duration('&transient: duration', duration, lowest, warnings)
-      associate (excitations => excitations_of(case, scene))
-         if (duration <= 0.0_wp) duration = end_of_all(excitations)
-      end associate
+      if (duration <= 0.0_wp) then
+         excitations = excitations_of(case, scene)
+         duration = end_of_all(excitations)
+      end if
       step = case%transient%safety/(2.0_wp*pi*highest)
       if (allocated(case%transient%time_step)) then
          step = case%transient%time_step

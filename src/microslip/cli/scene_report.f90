@@ -1,6 +1,6 @@
 !> What a case will compute, what it will cost, and what it skips and why.
 module microslip_cli_scene_report
-   use microslip_analysis_excitation, only: end_of_all
+   use microslip_analysis_excitation, only: end_of_all, excitation_t
    use microslip_analysis_harmonic_meter, only: harmonic_meter_t
    use microslip_cli_demand, only: boundary_count, demand_in_words, demand_t, expected_unknowns, factor_entries, takes_all, &
       & uses_fft
@@ -124,19 +124,19 @@ contains
       type(log_t), intent(in) :: log
       type(case_t), intent(in) :: case
       type(scene_t), intent(in) :: scene
+      type(excitation_t), allocatable :: excitations(:)
       type(harmonic_meter_t) :: meter
       real(wp) :: duration
 
       meter = meter_of(case)
       duration = case%transient%duration
-      associate (excitations => excitations_of(case, scene))
-         if (duration <= 0.0_wp) duration = end_of_all(excitations)
-         call log%line('transient: '//to_text(duration)//' s'//trim(merge(' at most', '        ', meter%tolerance > 0.0_wp)) &
-            & //'; the time step follows from the highest retained frequency unless it is given')
-         if (meter%excitation > 0) call log%line('harmonics: 0 to '//to_text(meter%harmonics)//' of all sensors in windows ' &
-            & //'of '//to_text(meter%window)//' periods, under '//to_text(excitations(meter%excitation)%cycles(duration), 7) &
-            & //' periods')
-      end associate
+      excitations = excitations_of(case, scene)
+      if (duration <= 0.0_wp) duration = end_of_all(excitations)
+      call log%line('transient: '//to_text(duration)//' s'//trim(merge(' at most', '        ', meter%tolerance > 0.0_wp)) &
+         & //'; the time step follows from the highest retained frequency unless it is given')
+      if (meter%excitation > 0) call log%line('harmonics: 0 to '//to_text(meter%harmonics)//' of all sensors in windows ' &
+         & //'of '//to_text(meter%window)//' periods, under '//to_text(excitations(meter%excitation)%cycles(duration), 7) &
+         & //' periods')
    end subroutine report_transient
 
    !> The analyses that end in modal parameters over amplitude.
