@@ -19,6 +19,7 @@ contains
       testsuite = [ &
          & new_unittest('numbers-beyond-the-heights', test_beyond), &
          & new_unittest('numbers-among-the-heights', test_among), &
+         & new_unittest('zeros-near-a-summit-at-zero', test_small_steps), &
          & new_unittest('sound-surfaces', test_sound), &
          & new_unittest('outliers', test_outliers) &
          & ]
@@ -63,6 +64,24 @@ contains
          if (allocated(error)) return
       end do
    end subroutine test_beyond
+
+   !> Zeros beside a summit that is at zero: their steps are no ten times the usual ones. Cut off at that level they are sound.
+   subroutine test_small_steps(error)
+      type(test_error), allocatable, intent(out) :: error
+      real(wp) :: x(nx), y(ny), z(nx, ny)
+      type(stand_in_t) :: found
+
+      call make_hill(x, y, z)
+      z = z - maxval(z)
+      z(22:24, 19:21) = 0.0_wp
+      found = find_stand_in(z)
+      call check(error, found%points >= 9 .and. .not. found%beyond)
+      if (allocated(error)) return
+      call make_hill(x, y, z)
+      z = min(z - maxval(z) + 2.0_wp, 0.0_wp)
+      found = find_stand_in(z)
+      call check(error, found%points, 0)
+   end subroutine test_small_steps
 
    !> Zeros on the summit, and a number just below all heights.
    subroutine test_among(error)

@@ -280,7 +280,7 @@ contains
             ': that number seems to stand for unknown points; '//remedy)
       else
          call warnings%add(severity_wrong, place//': '//points//', in the mean '//to_text(found%step, 3)//' from their '// &
-            'neighbours, ten times the steps between all others: that number seems to stand for unknown points, and counts '// &
+            'neighbours, more than the steps between all others: that number seems to stand for unknown points, and counts '// &
             'as a height; '//remedy)
       end if
    end subroutine check_numbers

@@ -2,7 +2,8 @@
 !>
 !> Numbers for unknown points. (1) A lowest or highest value that many points share, further from all others than
 !> `far_apart` times their range. (2) Nearer ones: the lowest value, the highest value, or zero, exactly the same at `few`
-!> points at least, whose differences to their neighbours are on average more than `jump` times those between all others.
+!> points at least, whose differences to their neighbours are on average more than `jump` times those between all others
+!> (`jump_of_distinct` times where all others differ from their neighbours).
 !> (Surfaces of plateaus, where at least half of the neighbours have equal heights, are left alone.)
 !>
 !> Outliers. A point that deviates from the median of its neighbours by more than `rare` times the robust standard
@@ -22,6 +23,9 @@ module microslip_surface_scan_check
    !> Fewest points with the same height, and their steps to their neighbours over those elsewhere.
    integer, parameter :: few = 4
    real(wp), parameter :: jump = 10.0_wp
+   !> The same where no two neighbours elsewhere have equal heights: then equal heights are no measurement. Heights that were
+   !> cut off at a level have smaller steps at its rim than elsewhere.
+   real(wp), parameter :: jump_of_distinct = 1.5_wp
    !> Outliers: deviation from the neighbours over its robust standard deviation, and over the range of the heights.
    real(wp), parameter :: rare = 20.0_wp, large = 0.5_wp
    !> Values from which a quantile is estimated.
@@ -96,7 +100,7 @@ contains
          end do
       end do
       if (any(steps == 0) .or. 2*equal >= steps(2)) return
-      if (.not. step_sum(1)/steps(1) > jump*step_sum(2)/steps(2)) return
+      if (.not. step_sum(1)/steps(1) > merge(jump_of_distinct, jump, equal == 0)*step_sum(2)/steps(2)) return
       found%points = count(has_value)
       found%value = value
       found%lowest = minval(z, known .and. .not. has_value)
