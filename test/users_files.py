@@ -470,8 +470,9 @@ def signals(c):
     """Results are kept when the terminal or the reader of the log is gone."""
     for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT, signal.SIGPIPE):
         folder = c.folder(long=LONG.replace("DURATION", "1e3").replace("interval = 0.05", "interval = 1e6"))
+        # Whoever runs the tests may ignore the signal (nohup, a background job).
         run = subprocess.Popen([c.program, "long.nml"], cwd=folder, env=ENVIRONMENT, stdout=subprocess.DEVNULL,
-                               stderr=subprocess.PIPE, text=True)
+                               stderr=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(number, signal.SIG_DFL))
         # Two analyses are published; then time is integrated for a while.
         wait_for(lambda: (folder / "long.h5").exists() and "linear_modes" in datasets(folder / "long.h5"), run)
         time.sleep(1.0)

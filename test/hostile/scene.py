@@ -114,6 +114,9 @@ def limits(stack=None, address_space=None, file_size=None, files=None):
             if value is not None:
                 resource.setrlimit(which, (value, value))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        # Whoever runs the tests may ignore these (nohup, a background job).
+        for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGPIPE):
+            signal.signal(number, signal.SIG_DFL)
     return set_them
 
 
